@@ -61,11 +61,7 @@ class Points:
         return self.file.crs
 
     def chunks(self, points: int = BATCH_POINTS) -> Iterator[NDArray[np.void]]:
-        """Structured arrays (n,) of dtype `POINT`, about `points` at a time, in the order of the file.
-
-        Raises:
-            InputError: if the points turn out to be damaged.
-        """
+        """Structured arrays (n,) of dtype `POINT`, about `points` at a time; raises InputError at damaged points."""
         for batch in self.file.batches(self.bounds, batch_points=points):
             kept = ~batch.withheld
             if self.classes is not None:
@@ -83,11 +79,7 @@ class Points:
         return self.read() if dtype is None else self.read().astype(dtype)
 
     def to_open3d(self) -> Any:
-        """An `open3d.geometry.PointCloud` of all points, with their colours where they have any.
-
-        Raises:
-            RefusedError: if Open3D is not installed.
-        """
+        """An `open3d.geometry.PointCloud` of all points, with any colours; raises RefusedError without Open3D."""
         try:
             import open3d
         except ImportError as error:
@@ -215,11 +207,7 @@ class Result:
         return self._folder.report
 
     def layer(self, name: str) -> geopandas.GeoDataFrame:
-        """The layer of that name.
-
-        Raises:
-            InputError: if the run did not write it, it is damaged, or geopandas is not installed.
-        """
+        """The layer of that name; raises InputError if the run did not write it, or it cannot be read."""
         return geodataframe(self._folder.layer(name))
 
     @property
@@ -228,11 +216,7 @@ class Result:
         return Layers(self._folder)
 
     def points(self, bounds: Box | None = None, classes: Iterable[int] | None = None) -> Points:
-        """The points of `cloud.copc.laz`; see `furrowmap.open_points`.
-
-        Raises:
-            InputError: if the result has no cloud, or it is damaged.
-        """
+        """Points of `cloud.copc.laz`, as by `furrowmap.open_points`; raises InputError without a readable cloud."""
         return open_points(self._file(CLOUD), bounds, classes)
 
     @property

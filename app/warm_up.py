@@ -59,11 +59,7 @@ def warm_up(commands: Collection[str] = (), progress: Progress = silent) -> int:
 
 @contextmanager
 def reporting_compilation(say: Callable[[str], None], command: str | None) -> Iterator[None]:
-    """Within it, `say` is called once if kernels are compiled, and another process helps.
-
-    Args:
-        command: the name of the command that runs, if it is one.
-    """
+    """Within it, `say` is called once if kernels are compiled, and another process helps the `command`, if one runs."""
     if command == "warm-up":
         yield
         return

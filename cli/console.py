@@ -79,11 +79,7 @@ class Console:
 
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:
-        """Show the progress of long work: bars with stage, share and remaining time if standard error is a terminal.
-
-        Args:
-            passing: whether to remove the bars at the end.
-        """
+        """Show progress on a terminal: bars with stage, share and remaining time, removed at the end if `passing`."""
         with self.reporting_compilation():
             if self.quiet or self.verbose or not sys.stderr.isatty():
                 yield _stages_to_log()

@@ -71,12 +71,7 @@ class CommandGroup(click.Group):
 
 
 def command(summary: str, *examples: str, group: Any = click, **facts: Any) -> Callable[[Command], click.Command]:
-    """A command, which gets a Console first, with the options that all have.
-
-    Args:
-        summary: in the list of commands.
-        examples: at the end of the help.
-    """
+    """A command, which gets a Console first, with the options that all have; the help begins with the summary."""
 
     def decorate(function: Command) -> click.Command:
         @wraps(function)
@@ -210,11 +205,7 @@ def _type(option: Option) -> Any:
 
 
 def value_of(option: Option, value: Any) -> Any:
-    """The value of a setting for what an option is given; None where it is not given.
-
-    Raises:
-        UsageError: if a text is not what the metavar says.
-    """
+    """The value of a setting for what an option is given, or None; raises UsageError for what the metavar forbids."""
     if isinstance(option.choices, Mapping):
         return option.choices[value]
     if value is None or value == ():

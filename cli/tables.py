@@ -44,11 +44,7 @@ def aligned(lines: Sequence[Sequence[str]], left: int = 0) -> str:
 
 
 def parcel_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], whole: str) -> str:
-    """Some columns of a table of parcels, right-aligned under their names.
-
-    Args:
-        whole: the file with all rows and columns, named where rows are left out.
-    """
+    """Some columns of a table of parcels under their names; where rows are left out, the file `whole` is named."""
     lines = [["id", *columns], *([printable(str(row["id"])), *(_short(row[name]) for name in columns)] for row in rows)]
     text = aligned(lines[: 1 + MAX_PARCELS])
     return f"{text}\n… {len(rows) - MAX_PARCELS} more in {whole}" if len(rows) > MAX_PARCELS else text

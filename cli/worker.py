@@ -73,13 +73,9 @@ def worker() -> None:
 
 
 def work(orders: BinaryIO, answers: BinaryIO) -> int:
-    """Send hello, read the start message, run the command.
+    """Send hello, read the start message, run the command; its exit status.
 
-    Args:
-        orders: lines of JSON; its end cancels the command, and the process ends within :data:`ABANDONED_S` of it.
-
-    Returns:
-        The exit status of the command.
+    `orders` are lines of JSON; their end cancels the command, and the process ends within :data:`ABANDONED_S` of it.
     """
     send = _Sender(answers)
     send("hello", protocol=PROTOCOL, version=version("furrowmap"), pid=os.getpid())

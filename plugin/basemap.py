@@ -33,12 +33,7 @@ PROBE_PROPERTY = "furrowmap/probe"
 
 @dataclass(frozen=True)
 class BaseMap:
-    """Tiles, which have to be shown with their attribution.
-
-    Attributes:
-        key: in the settings and in projects.
-        zmax: the finest level there is.
-    """
+    """Tiles to show with their attribution; `key` names them in settings and projects, `zmax` is their last level."""
 
     key: str
     name: str
@@ -60,12 +55,7 @@ def base_maps() -> tuple[BaseMap, ...]:
 
 
 def show_base_map(layer: QgsMapLayer | None, key: str, project: QgsProject | None = None) -> None:
-    """Put a base map below all layers, in place of the one before.
-
-    Args:
-        layer: of :func:`known_layer`, :func:`own_layer` or :func:`service_layer`; None for no base map.
-        key: of :func:`base_maps`, :data:`OWN_BASE_MAP` or :data:`NO_BASE_MAP`.
-    """
+    """Put a base map (None for none) below all layers, in place of the one before; `key` names it in the project."""
     project = QgsProject.instance() if project is None else project
     for old in base_map_layers(project):
         project.removeMapLayer(old.id())

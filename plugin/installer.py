@@ -148,11 +148,9 @@ def remove_environment() -> None:
 
 
 def check(program: Sequence[str], on_line: OnLine, is_cancelled: IsCancelled) -> dict[str, Any]:
-    """Start furrowmap twice: for its versions, which are returned, and for the worker's hello.
+    """Start furrowmap twice, for its versions, which are returned, and for the worker's hello.
 
-    Raises:
-        ProgramError: if it does not answer.
-        WorkerError: if its worker does not, or has another protocol version.
+    Raises ProgramError if it does not answer, WorkerError if its worker does not or has another protocol version.
     """
     text = run_program([*program, "--version", "--json"], on_line, is_cancelled)
     try:

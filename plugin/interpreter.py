@@ -29,12 +29,7 @@ INSTALLED_BY = "installed_by.json"
 
 @dataclass(frozen=True)
 class Interpreter:
-    """A way to start furrowmap.
-
-    Attributes:
-        program: the words of the command.
-        origin: "chosen", "installed", "created" or "found".
-    """
+    """The words that start furrowmap, whose origin is "chosen", "installed", "created" or "found"."""
 
     program: tuple[str, ...]
     origin: str

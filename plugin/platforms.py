@@ -32,12 +32,7 @@ def worker_environment(
     platform: str = sys.platform,
     resolved: Callable[[str], PurePath] = _resolved,
 ) -> dict[str, str]:
-    """The variables for the worker: the user's, without what QGIS has set for itself.
-
-    Args:
-        prefix: folder in which QGIS is installed; its folders are removed from the search paths. None for a QGIS of the
-            system, which shares its folders.
-    """
+    """The user's variables for the worker, without what QGIS sets; folders below `prefix` leave the search paths."""
     separator = ";" if platform == "win32" else ":"
     kept = {name: value for name, value in variables.items() if name.upper() not in REMOVED_VARIABLES}
 
@@ -54,11 +49,7 @@ def worker_environment(
 
 
 def own_prefix(application: PurePath, platform: str = sys.platform) -> PurePath | None:
-    """The folder that only QGIS uses: of an installer or a bundle; None where it is part of the system.
-
-    Args:
-        application: `QgsApplication.prefixPath()`.
-    """
+    """The folder that only QGIS at `QgsApplication.prefixPath()` uses; None where it is part of the system."""
     if platform == "win32":  # C:/Program Files/QGIS 3.40/apps/qgis: the libraries are in the folder above
         return application.parents[1] if application.parent.name.lower() == "apps" else application
     if platform == "darwin":
@@ -81,12 +72,7 @@ def python_in(folder: Path, platform: str = sys.platform) -> Path:
 
 
 def python_candidates(platform: str, executable: PurePath, prefix: Path, root: Path = Path("/")) -> list[str]:
-    """Interpreters that may be able to create environments.
-
-    Args:
-        executable: of this process: QGIS itself in the desktop on Windows and macOS.
-        prefix: where the Python of this process is installed.
-    """
+    """Interpreters that may create environments; `executable` and `prefix` are those of this process."""
     stem = executable.stem if platform == "win32" else executable.name
     found: list[PurePath] = [executable] if re.fullmatch(r"python[\d.]*", stem.lower()) else []
     found += [path for name in ("python.exe", "bin/python3") if (path := prefix / name).is_file()]

@@ -25,11 +25,7 @@ PREVIEW_PROPERTY = "furrowmap/preview"
 
 
 def open_preview(folder: str | Path, project: QgsProject | None = None) -> list[QgsMapLayer]:
-    """Open a preview as the project's topmost group; an earlier one of the same session is removed.
-
-    Returns:
-        The layers, the trajectory first; none if QGIS can open none.
-    """
+    """Open a preview as topmost group, in place of an earlier one of its session; its layers, none if none opens."""
     project = QgsProject.instance() if project is None else project
     account = read_account(folder)
     layers = [layer for layer in _read_layers(Path(folder)) if layer.isValid()]

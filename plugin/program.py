@@ -14,12 +14,7 @@ from .platforms import own_prefix, worker_environment
 
 
 class ProgramError(Exception):
-    """A program could not be started, failed, or was cancelled.
-
-    Attributes:
-        output: the lines of its standard error and output.
-        cancelled: whether the user cancelled it.
-    """
+    """A program could not be started, failed with lines of output, or was cancelled by the user."""
 
     def __init__(self, text: str, output: Iterable[str] = (), *, cancelled: bool = False) -> None:
         super().__init__(text)

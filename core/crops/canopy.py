@@ -57,10 +57,8 @@ def estimate_penetration(second_m: float, third_m: float, noise_m: float) -> Pen
     """The penetration of a canopy from L-moments of heights within pixels.
 
     Where the heights scatter no more than the noise, the canopy is closed: the scale is the smallest in the table.
-
-    Args:
-        second_m: second L-moment, half the mean distance of two returns.
-        third_m: third L-moment; negative where the deep returns lie farther from the others.
+    `second_m` is half the mean distance of two returns; `third_m` is negative where the deep returns lie farther from
+    the others.
     """
     table, noise = penetration_table(), max(noise_m, 1e-4)
     wanted, skewness = math.log(max(second_m / noise, 1e-6)), third_m / second_m

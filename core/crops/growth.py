@@ -61,13 +61,9 @@ def growth_of(
     heights_m: Sequence[Mapping[str, float]],
     sigmas_m: Sequence[Mapping[str, float]] | None = None,
 ) -> tuple[Growth, ...]:
-    """The growth of each parcel with heights of two days or more, in the order in which they appear.
+    """The growth of each parcel with heights (m above the soil by parcel, a mapping a flight) of two days or more.
 
-    Args:
-        heights_m: of each flight: height above the soil by parcel; nan where unknown.
-
-    Raises:
-        ValueError: if two flights have the same day.
+    They come in the order in which they appear. Raises ValueError if two flights have the same day.
     """
     if len(set(days)) < len(days):
         raise ValueError("two tables of the same day")

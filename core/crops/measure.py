@@ -86,11 +86,7 @@ class ParcelFigures:
 
 @dataclass(frozen=True)
 class MeasuredParcel:
-    """One parcel, measured.
-
-    Attributes:
-        published_height_m: mean height by the published method; nan where it was not computed.
-    """
+    """One parcel, measured; `published_height_m` is its mean height by the published method, nan if not computed."""
 
     parcel: Parcel
     figures: ParcelFigures

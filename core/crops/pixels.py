@@ -39,11 +39,7 @@ class PixelReturns:
     which: int
 
     def means_m(self, where: NDArray[np.bool_]) -> FloatArray:
-        """Mean height (k, 3) of one return, of the higher of any two, of the highest of any three.
-
-        Args:
-            where: (rows, columns) the k pixels; those with fewer than three returns are left out.
-        """
+        """Mean height (k, 3) of one return, the higher of two, the highest of three; of pixels with three or more."""
         pixels = np.flatnonzero(where & (self.count >= 3))
         out = np.empty((len(pixels), 3))
         _means(self.heights_m, self.part, self.starts, self.which, pixels, out)

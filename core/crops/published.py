@@ -214,10 +214,7 @@ def grown_region(heights_m: FloatArray, gradient_m: float = GRADIENT_M) -> BoolA
 
     A neighbour (of eight) joins if it differs from the mean of the region as it is then by no more than `gradient_m`.
     Pixels are taken in the order in which they were reached; those that did not join are tried again, as the mean
-    moves, until none joins.
-
-    Args:
-        heights_m: (rows, columns) crop heights; nan where there are none.
+    moves, until none joins. Heights are nan where there are none.
     """
     region = np.zeros(heights_m.shape, np.bool_)
     if np.isfinite(heights_m).any():

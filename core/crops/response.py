@@ -423,10 +423,9 @@ class Variance:
 def analysis_of_variance(
     value: FloatArray, treatment: Sequence[str], block: Sequence[str] | None = None
 ) -> Variance | None:
-    """Ordinary least squares of value (n,) on treatment and block, without interaction; None if nothing is left over.
+    """Least squares of value (n,) on treatment and block; None if nothing is left over.
 
-    Raises:
-        InputError: if statsmodels is not installed.
+    Without interaction. Raises InputError if statsmodels is not installed.
     """
     try:
         import pandas as pd

@@ -188,10 +188,7 @@ def align_survey(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[st
 
     The differences of the bare soil near a parcel are interpolated below it by kriging with a constant as the trend, so
     that what the surveys have not in common (an offset, a tilt, soil that settled) is taken off and is in the standard
-    deviation.
-
-    Args:
-        near: cells of bare soil of the points near each parcel, by its id.
+    deviation. `near` are cells of bare soil of the points near each parcel, by its id.
     """
     differences = {}
     for parcel in parcels:

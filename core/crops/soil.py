@@ -283,10 +283,7 @@ def interpolate_soil(
     """The soil under a parcel by universal kriging of the cells around it; None where they determine no trend.
 
     See N. Cressie (1993), Statistics for Spatial Data, section 3.4; the standard deviation is that of the mean over the
-    net parcel (block kriging).
-
-    Args:
-        covariance: of the soil about the trend; with a relief of 0 m the trend is by least squares.
+    net parcel (block kriging). With a relief of 0 m the trend is by least squares.
     """
     if len(cells) < MIN_SOIL_CELLS or not _determines(cells, trend):
         return None
@@ -311,13 +308,9 @@ def interpolate_soil(
 def least_squares(
     cells: SoilCells, covariance: HeightCovariance, design: FloatArray
 ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, bool]]:
-    """Parameters of a trend through n cells by generalised least squares.
+    """Trend (n, k) through n cells by generalised least squares: parameters (k,), covariance, Cholesky factor.
 
-    Args:
-        design: (n, k) of the trend.
-
-    Returns:
-        (k,) parameters, (k, k) their covariance, and the Cholesky factor of the covariance of the cells' heights.
+    The covariance is (k, k), the factor that of the covariance of the cells' heights.
     """
     factor = covariance.factor(cells)
     of_trend: FloatArray = np.linalg.inv(design.T @ cho_solve(factor, design)).astype(np.float64)

@@ -99,11 +99,7 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
 
 
 def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[tuple[Parcel, ...], list[Notice]]:
-    """The parcels with the attributes of their treatments, and which have none.
-
-    Raises:
-        InputError: if the table names a parcel, or a treatment, that none of the parcels has.
-    """
+    """The parcels with their treatments' attributes, and those without; raises InputError if the table names others."""
     named = [
         next((value for name, value in parcel.attributes.items() if name.casefold() == TREATMENT), "")
         for parcel in parcels
@@ -156,10 +152,9 @@ class MeasuredTable:
 
 
 def read_measured(path: Path, measure: str) -> MeasuredTable:
-    """A table with a row for each parcel, such as the parcels.csv of a run: an identifier, the quantity, and more.
+    """Rows by parcel, such as the parcels.csv of a run: an identifier, the quantity, and more.
 
-    Raises:
-        InputError: if the file cannot be read, has no such column, or an identifier twice.
+    Raises InputError if the file cannot be read, has no such column, or an identifier twice.
     """
 
     def unreadable(why: str) -> InputError:

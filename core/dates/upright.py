@@ -197,11 +197,9 @@ class UprightTie:
 def tie_uprights(one: Upright, other: Upright, middle_m: FloatArray, place_sigma: FloatArray) -> UprightTie | None:
     """Match what stands on two dates, point to line, and solve for the move; None if they have nothing in common.
 
-    Things that moved, such as parked vehicles, contradict the others, or the positions of the receivers, and count
-    ever less (the weights of Geman and McClure), from three standard deviations on not at all.
-
-    Args:
-        place_sigma: (3,) standard deviations of the move before: east, north (m), turn (rad).
+    Things that moved, such as parked vehicles, contradict the others, or the positions of the receivers, and count ever
+    less (the weights of Geman and McClure), from three standard deviations on not at all. `place_sigma` (3,) are
+    standard deviations of the move before: east, north (m), turn (rad).
     """
     place: FloatArray = np.zeros(3)
     known = np.diag(place_sigma**2)

@@ -202,11 +202,7 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
 
 
 def clip_clouds(clouds: Clouds, polygons: Path | None) -> Clouds:
-    """Clouds without the points outside the polygons of a file (:func:`~furrowmap.core.readers.areas.area.read_area`).
-
-    Raises:
-        InputError: if the polygons cannot be read.
-    """
+    """Clouds without the points outside the polygons of a file; raises InputError if these cannot be read."""
     return clouds if polygons is None else replace(clouds, area=read_area(polygons, clouds.crs))
 
 

@@ -20,10 +20,9 @@ _SIDE_M: Final = 100.0
 
 
 def near_box(clouds: Clouds, progress: Progress = silent) -> tuple[Box | None, tuple[Notice, ...]]:
-    """The box of all points but a few that lie far from the others, and a warning; None and none where there are none.
+    """The box of all points but a few that lie far off, and a warning; None where there are none.
 
-    Raises:
-        InputError: if a file is damaged.
+    Raises InputError if a file is damaged.
     """
     sides = [np.subtract(file.header.high[:2], file.header.low[:2]) for file in clouds.files if file.points]
     sparse = [

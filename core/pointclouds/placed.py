@@ -49,12 +49,7 @@ class Placer:
         )
 
     def place(self, scan: Scan) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Map coordinates of a scan's points.
-
-        Returns:
-            (n, 3) easting, northing, height less `origin_m`, and (n,) whether there is a pose at the point's time;
-            coordinates without a pose are nan.
-        """
+        """Map coordinates (n, 3) of a scan's points less `origin_m`, nan without a pose, and (n,) which have one."""
         if len(self.trajectory) < 2:
             return np.full((len(scan), 3), np.nan), np.zeros(len(scan), bool)
         coordinates, known = place_points(

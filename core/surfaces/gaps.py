@@ -16,11 +16,8 @@ def filled(height_m: FloatArray, reach: float = math.inf) -> FloatArray:
     """Heights with gaps filled by harmonic interpolation of the residuals from the plane of all heights.
 
     Solved approximately by cascadic multigrid (Bornemann and Deuflhard 1996, Numerische Mathematik 75, 135-152) with a
-    few Gauss-Seidel sweeps a level; exact on a plane.
-
-    Args:
-        height_m: (rows, columns); nan in the gaps.
-        reach: cells farther than this many cells from every height stay nan.
+    few Gauss-Seidel sweeps a level; exact on a plane. `height_m` (rows, columns) is nan in the gaps; cells farther than
+    `reach` cells from every height stay nan.
     """
     seen = np.isfinite(height_m)
     if seen.all() or not seen.any():

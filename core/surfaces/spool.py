@@ -67,10 +67,7 @@ class PointSpool:
     """Takes points in any order and returns them tile by tile: a context manager.
 
     Memory is some 40 MB and that of the largest tile; the temporary file has 10 bytes a point. Full buffers are sorted
-    and written by a thread.
-
-    Args:
-        base_m: a height near all others, as heights are stored as float32 less this.
+    and written by a thread. Heights are stored as float32 less `base_m`, which should be near them.
     """
 
     def __init__(self, cell_m: float, base_m: float = 0.0, folder: Path | None = None) -> None:

@@ -62,11 +62,7 @@ def find_depressions(
     least_depth_m: float = MIN_WATER_DEPTH_M,
     least_area_m2: float = MIN_WATER_AREA_M2,
 ) -> Depressions:
-    """The depressions of a surface; water leaves it at its edges and next to cells without a height.
-
-    Args:
-        height_m: (rows, columns), north up; nan where there is none.
-    """
+    """The depressions of a surface (nan in gaps); water leaves it at its edges and next to cells without a height."""
     height = np.ascontiguousarray(height_m, np.float64)
     known = np.isfinite(height)
     level = flooded(height)

@@ -25,12 +25,8 @@ def field_boundary(
     """The boundary of the field of a drive in the map frame, and which field of the file that is.
 
     Of several fields, the one of that name; without a name, those in which the vehicle is; where it is in none, all.
-
-    Args:
-        xy_m: (n, 2) or more columns, places of the vehicle at even steps of time.
-
-    Raises:
-        InputError: if the file cannot be read, has no field of the name, or the field lies outside the map.
+    `xy_m` (n, 2) are places of the vehicle at even steps of time. Raises InputError if the file cannot be read, has no
+    field of the name, or the field lies outside the map.
     """
     fields = read_fields(file)
     if name is not None:
@@ -64,11 +60,7 @@ def _union(fields: Sequence[FieldOutline]) -> BaseGeometry:
 
 
 def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:
-    """The polygons of `boundary`, in longitude and latitude, in the map frame.
-
-    Raises:
-        InputError: if they lie where the map's CRS is not meant to be used.
-    """
+    """The polygons of `boundary` (longitude, latitude) on the map; raises InputError outside the area of its CRS."""
     try:
         return shapely.make_valid(
             shapely.transform(boundary, lambda xy: np.column_stack(frame.project(xy[:, 0], xy[:, 1])))

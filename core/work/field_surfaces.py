@@ -72,11 +72,7 @@ class FieldTile:
 
 
 class FieldPoints:
-    """Collects the ground points of a run and computes surfaces: a context manager.
-
-    Args:
-        reach_m: farther returns are left out.
-    """
+    """Collects the ground points of a run as far as `reach_m` and computes surfaces: a context manager."""
 
     def __init__(self, folder: Path, cell_m: float = FIELD_CELL_M, reach_m: float = MAX_REACH_M) -> None:
         self._folder, self._cell_m, self._reach_m = folder, cell_m, reach_m
@@ -124,11 +120,8 @@ class FieldPoints:
     ) -> Iterator[FieldTile]:
         """The surfaces, tile by tile, computed in half of the threads: beside them the cloud is compressed.
 
-        A tile of millions of points takes 17 bytes for each of them.
-
-        Args:
-            passages: of the tool's line; none where no work is known.
-            strips: of a flight, to be counted.
+        A tile of millions of points takes 17 bytes for each of them. `passages` are of the tool's line; `strips` of a
+        flight are counted.
         """
         spool = self._spool
         if spool is None:

@@ -378,8 +378,7 @@ class ImplementTracker:
     ) -> FieldWork:
         """What the tools did and which ground they worked, after the second reading.
 
-        Args:
-            external: states of each tool from another source, such as a machine log.
+        `external` are states of each tool from another source, such as a machine log.
         """
         pairs = list(zip_longest(self._tools, external[: len(self._tools)]))
         from_scans = [

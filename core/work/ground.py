@@ -181,10 +181,7 @@ def overlapping(runs: Sequence[tuple[int, Sequence[Ribbon]]]) -> dict[tuple[int,
     """For each pair of passes the places that both worked, a polygon a place; the earlier pass stands first.
 
     A pass that comes back to its own ground overlaps itself. Ribbons that follow each other in one run do not: where
-    they touch, the tool turned.
-
-    Args:
-        runs: number of the pass and ribbons of each run, in the order of time.
+    they touch, the tool turned. `runs` are number of the pass and ribbons of each run, in the order of time.
     """
     pieces = np.array([r.polygon for _, ribbons in runs for r in ribbons], object)
     number = np.array([number for number, ribbons in runs for _ in ribbons], np.intp)
@@ -212,10 +209,8 @@ def missed_strips(
 
     A strip is ground not worked that is narrower than the tool, so that no whole pass has room in it: what a closing
     (widening all that is worked, or lies outside the field, by half the tool's width and narrowing it again) adds.
-    Wider ground was not missed, it has not been worked yet.
-
-    Args:
-        doubtful: ground of which it is not known whether it was worked; no part of it is a miss.
+    Wider ground was not missed, it has not been worked yet. No part of `doubtful`, ground of which it is not known
+    whether it was worked, is a miss.
     """
     taken: BaseGeometry = coverage
     if boundary is not None:
@@ -240,11 +235,9 @@ def unworked_places(
     strips: Sequence[tuple[str, shapely.Polygon]],
     boundary: BaseGeometry | None,
 ) -> list[tuple[str, shapely.Polygon]]:
-    """Ground of the field that was neither worked nor missed, each place with the kind `not worked`, the largest first.
+    """Ground of the field neither worked nor missed, by place with the kind `not worked`, the largest first.
 
-    Args:
-        doubtful: ground of which it is not known whether it was worked; no part of it is counted.
-        boundary: the field, if known; without it there is no such ground.
+    No part of `doubtful`, of which it is not known whether it was worked, is counted; without a boundary there is none.
     """
     if boundary is None:
         return []
@@ -263,9 +256,7 @@ def zones(
 
     The headland is the ground that turns take up, and whatever was worked mostly on it; the body is all other ground
     worked, with the strips left between its passes. Neither reaches over the field's boundary, where that is known.
-
-    Args:
-        passes: for each pass, in the order of time, its runs with their ribbons.
+    `passes` are the runs of each pass with their ribbons, in the order of time.
     """
     turning = shapely.union_all(list(_turns(trajectory, [runs for runs in passes if runs], implement)))
     pieces = np.array([r.polygon for runs in passes for _, ribbons in runs for r in ribbons], object)
@@ -385,12 +376,7 @@ class Pass:
 
 @dataclass(frozen=True)
 class Overlap:
-    """A place that two passes worked, or one pass twice.
-
-    Attributes:
-        pass_a: number of the earlier pass.
-        pass_b: number of the later one; `pass_a` where a pass came back to its own ground.
-    """
+    """A place that two passes worked, the earlier one `pass_a`, or one pass twice, which both then are."""
 
     pass_a: int
     pass_b: int

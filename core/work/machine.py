@@ -82,10 +82,9 @@ def _alone(xyz_m, laser, column, image):  # type: ignore[no-untyped-def]
 
 
 def classifier(*machines: MachineVoxels | None) -> Callable[[Scan], NDArray[np.uint8]]:
-    """A function from a scan to the classes (n,) uint8 of its points: VEHICLE, IMPLEMENT, NOISE, else OTHER.
+    """A function from a scan to the classes (n,) uint8 of its points.
 
-    Args:
-        machines: of which points may be; None for one that is not known.
+    They are VEHICLE, IMPLEMENT, NOISE, else OTHER. `machines` is None for one that is not known.
     """
 
     def classify(scan: Scan) -> NDArray[np.uint8]:
@@ -124,9 +123,8 @@ _STANDS_ROW: Final = round((0.45 - _LOW_M[2]) / VOXEL_M)
 class MachineVoxels:
     """Voxels of vehicle and implement.
 
-    Attributes:
-        classes: (130 or more, 90, 45) uint8, VEHICLE, IMPLEMENT or OTHER, of voxels of 0.1 m: forward from 9 m behind
-            the origin, to the left from 4.5 m to its right, up from 0.35 m below the ground.
+    `classes` (130 or more, 90, 45) uint8 are VEHICLE, IMPLEMENT or OTHER, of voxels of 0.1 m: forward from 9 m behind
+    the origin, to the left from 4.5 m to its right, up from 0.35 m below the ground.
     """
 
     mounting: Mounting

@@ -48,11 +48,7 @@ class SideViewGrid:
 
 @dataclass(frozen=True)
 class SideTemplate:
-    """The side view of the tool in its working position.
-
-    Attributes:
-        odds: (columns, rows) float32, of tool against clutter for a point in the cell.
-    """
+    """Side view of the tool in its working position: (columns, rows) float32 odds of tool against clutter."""
 
     grid: SideViewGrid
     odds: NDArray[np.float32]
@@ -77,12 +73,7 @@ class SideTemplate:
 
 @dataclass(frozen=True)
 class Fit:
-    """Fit of a side view to a template.
-
-    Attributes:
-        height_m: of the tool; nan without points.
-        explained: expected number of points of the tool.
-    """
+    """Fit of a side view to a template: height of the tool, nan without points, and its expected number of points."""
 
     height_m: float
     explained: float

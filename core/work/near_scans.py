@@ -102,10 +102,7 @@ class NearScans:
     """Keeps at most :data:`MAX_NEAR_SCANS` scans, evenly spread over a recording of unknown length.
 
     They are kept in pairs of successive complete scans, to separate noise from motion. When full, every other pair is
-    dropped and the stride doubles.
-
-    Args:
-        front_m: how far forward points are kept.
+    dropped and the stride doubles. Points are kept as far forward as `front_m`.
     """
 
     def __init__(self, mounting: Mounting, front_m: float = FRONT_M) -> None:

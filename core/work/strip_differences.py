@@ -95,12 +95,7 @@ class StripDifferences:
 def strip_differences(
     returns: StripReturns, strips: Sequence[Interval], stated: Mounting, used: Mounting
 ) -> StripDifferences | None:
-    """The differences of all pairs of strips on smooth ground; None where no two strips see the same.
-
-    Args:
-        returns: of the scanner, with their poses.
-        strips: of the flight, in the order of time.
-    """
+    """Differences of all pairs of strips on smooth ground, of a scanner's returns; None where no two see the same."""
     number = interval_numbers(strips, returns.t_s).astype(np.int64)
     if not number.any():
         return None

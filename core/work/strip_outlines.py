@@ -86,12 +86,7 @@ def count_blocks(cell, t_s, ends_s, columns, blocks, block):  # type: ignore[no-
 
 @dataclass(frozen=True)
 class StripGround:
-    """A strip and the ground that it covers.
-
-    Attributes:
-        strip: its times and direction.
-        outline: of the blocks with points of it; a MultiPolygon in the map's plane.
-    """
+    """A strip and the ground that it covers: the outline, in the map's plane, of the blocks with points of it."""
 
     strip: Strip
     outline: BaseGeometry

@@ -50,12 +50,7 @@ class TaskWork:
 
 @dataclass(frozen=True)
 class TaskWorks:
-    """The work of all tasks of a set of task data.
-
-    Attributes:
-        works: of the tasks that have positions, in the order of the set.
-        notices: on the set, and on tasks that are left out.
-    """
+    """The work of the tasks with positions of a set of task data, in its order; notices on it and on other tasks."""
 
     works: tuple[TaskWork, ...]
     frame: MapFrame

@@ -22,11 +22,7 @@ Tile = tuple[int, int]
 
 
 class WorkedCells:
-    """Takes the tool's line as it moves; gives the cells and what changed.
-
-    Args:
-        width_m: of the tool: narrower ground between worked cells was missed.
-    """
+    """Takes the tool's line as it moves; gives the cells and what changed. Gaps below `width_m` were missed."""
 
     def __init__(self, width_m: float) -> None:
         self._reach = 0.5 * width_m / CELL_SIDE_M

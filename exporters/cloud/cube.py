@@ -24,11 +24,7 @@ class Cube:
 
     Halved `depth` times, it has 8^depth cells. A cell's **code** interleaves the bits of its indices along x, y, z (x
     lowest: Morton order): the codes within a coarser cell are consecutive, and a code without its last three bits is
-    that of the parent cell.
-
-    Attributes:
-        origin: least X, Y and Z in it.
-        bits: logarithm of the side.
+    that of the parent cell. `origin` is the least X, Y and Z in it.
     """
 
     origin: tuple[int, int, int]

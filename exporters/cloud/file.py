@@ -116,9 +116,8 @@ class _DiskFile(io.FileIO):
 class CopcFile:
     """Compresses nodes, in any order, and writes them to a file.
 
-    Args:
-        written: receives the number of points written so far.
-        complete: completes the points of a node in place; called from several threads at once.
+    `written` receives the number of points so far; `complete` completes the points of a node in place, in several
+    threads at once.
     """
 
     def __init__(

@@ -82,10 +82,7 @@ def plan_levels(counts: NDArray[np.integer[Any]], depth: int, node_points: int) 
     """The plan for a histogram of points by cell.
 
     From the root down, a node that receives more than `2 × node_points` points keeps a random `node_points` of them and
-    passes the rest to its children; any other keeps all.
-
-    Args:
-        counts: (8^depth,) points in each cell.
+    passes the rest to its children; any other keeps all. `counts` (8^depth,) are the points in each cell.
     """
     first = np.cumsum([0, *(8**level for level in range(depth + 1))])
     reached = [counts]

@@ -101,11 +101,9 @@ class Extent:
 
 
 def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = False) -> Extent:
-    """Pack a batch of at least one point into records.
+    """Pack a batch of at least one point into records of :func:`~furrowmap.exporters.cloud.records.held_layout`.
 
-    Args:
-        into: (n,) the records, in the layout of :func:`~furrowmap.exporters.cloud.records.held_layout`.
-        week_time: times are seconds of a GPS week, and are not converted.
+    With `week_time` times are seconds of a GPS week, and are not converted.
     """
     n = len(batch)
     if batch.xyz_m.shape != (n, 3):

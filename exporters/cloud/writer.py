@@ -48,11 +48,8 @@ class CopcWriter:
     """Writes a COPC file from batches of points: a context manager that writes the whole file or nothing.
 
     Points beyond `memory_points` are kept in a temporary file beside `path`; writing takes about 60 bytes of memory for
-    each of `memory_points`, regardless of the total.
-
-    Args:
-        node_points: points of an octree node that has children.
-        seed: of the random levels; the same batches and seed give the same nodes.
+    each of `memory_points`, regardless of the total. An octree node that has children holds `node_points` points; the
+    same batches and `seed` of the random levels give the same nodes.
     """
 
     def __init__(
@@ -100,8 +97,7 @@ class CopcWriter:
     ) -> CopcSummary:
         """Sort, compress and write the points, and rename the file; a second call returns the same summary.
 
-        Args:
-            complete: completes the points of a node in place; called in any order, from several threads at once.
+        `complete` completes the points of a node in place; it is called in any order, from several threads at once.
         """
         if self._summary is None:
             if description:

@@ -26,10 +26,8 @@ def write_trajectory(target: Path, to: str, result: ResultFolder) -> None:
 
     `sbet`: 17 doubles a record with wander angle 0 and GPS seconds of the week of the first pose; accelerations and
     rates are 0. `tum`: time, position on the map, quaternion (x, y, z, w) from the vehicle's axes (forward, left, up)
-    to the map's. `poses`: the columns that `[trajectory]` of a session reads.
-
-    Raises:
-        RefusedError: if the format needs ellipsoidal heights and the result has others.
+    to the map's. `poses`: the columns that `[trajectory]` of a session reads. Raises RefusedError if the format needs
+    ellipsoidal heights and the result has others.
     """
     heights = str(result.report["session"]["crs"]["heights"])
     if to == SBET and heights != ELLIPSOIDAL:

@@ -29,11 +29,7 @@ DRIVEN: Final = Band("passages of wheels", "1", 0)
 
 @dataclass(frozen=True)
 class Wheels:
-    """The wheels of an axle whose middle is the origin of the vehicle frame.
-
-    Attributes:
-        track_width_m: between the middles of the tyres.
-    """
+    """The wheels of an axle at the origin of the vehicle frame; its track width is between the middles of the tyres."""
 
     track_width_m: float
     tyre_width_m: float

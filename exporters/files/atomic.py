@@ -36,12 +36,9 @@ def atomic_output(path: Path) -> Iterator[Path]:
     `path` is unchanged. Files that a killed process of this machine left in the folder are removed first. In a staging
     folder nothing is flushed here: its files are, together, before they become products.
 
-    Yields:
-        The path to write to: hidden, in the same folder, short, with the last suffix of `path`. Other files that a
-        library creates under a name that begins the same are removed at the end.
-
-    Raises:
-        RefusedError: if another program has `path` open, on Windows.
+    Yields: The path to write to: hidden, in the same folder, short, with the last suffix of `path`. Other files that a
+    library creates under a name that begins the same are removed at the end. Raises RefusedError if another program has
+    `path` open, on Windows.
     """
     remove_abandoned(path.parent)
     unfinished = path.with_name(f".furrowmap-{Owner.here().words()}-{secrets.token_hex(4)}{path.suffix[:16]}")
@@ -86,11 +83,7 @@ def refuse_existing(path: Path, *, overwrite: bool) -> None:
 
 
 def move(source: Path, target: Path) -> None:
-    """Rename a file, replacing another; a program that holds one of them for a moment on Windows is waited for.
-
-    Raises:
-        PermissionError: if a program keeps it open.
-    """
+    """Rename a file, replacing another; raises PermissionError if a program keeps one of them open, on Windows."""
     _while_held(partial(source.replace, target))
 
 

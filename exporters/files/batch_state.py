@@ -22,12 +22,7 @@ _STATE_VERSION: Final = 1
 
 @dataclass(frozen=True)
 class Stamp:
-    """A file as it was when it was read.
-
-    Attributes:
-        mark: what changes with its content: time of the last change in nanoseconds, or the ETag of an object store.
-        sha256: of its content; empty where it was not read.
-    """
+    """A file when it was read: time of its last change in ns or ETag in a store, SHA-256, empty where not read."""
 
     path: str
     bytes: int
@@ -127,11 +122,7 @@ class BatchState:
 
 @contextmanager
 def batch_state(path: Path | None) -> Iterator[BatchState]:
-    """The state in a file, which is created where missing; None for one that is not kept.
-
-    Raises:
-        InputError: if the file is damaged or of another version.
-    """
+    """The state in a file, made where missing; None if not kept. Raises InputError at a damaged or other version."""
     try:
         with closing(sqlite3.connect(path if path is not None else ":memory:")) as database:
             _prepare(database)

@@ -21,12 +21,7 @@ class FileRecord:
 
 
 def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent) -> list[FileRecord]:
-    """Hash files in blocks.
-
-    Args:
-        paths: of the files; a folder (of a ROS 2 bag) stands for the files in it.
-        root: to which their names are relative.
-    """
+    """Hash files in blocks, under names relative to `root`; a folder (of a ROS 2 bag) stands for the files in it."""
     return rooted_records([(path, root) for path in paths], progress)
 
 

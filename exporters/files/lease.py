@@ -45,11 +45,8 @@ _MAX_SMALL_BYTES: Final = 16 << 20
 def hold_lease(folder: Path) -> Iterator[Path]:
     """Keep other runs from writing to `folder`.
 
-    Yields:
-        A folder of one's own inside `folder`, which is removed at the end, unless it has a file COMPLETE.
-
-    Raises:
-        RefusedError: if another run is writing there.
+    Yields: A folder of one's own inside `folder`, which is removed at the end, unless it has a file COMPLETE. Raises
+    RefusedError if another run is writing there.
     """
     own = folder / f"{PREFIX}{Owner.here().words()}-{secrets.token_hex(4)}"
     own.mkdir()
@@ -85,11 +82,7 @@ def is_staged(file: Path) -> bool:
 
 
 def refuse_leased(folder: Path, own: Path | None = None) -> list[Path]:
-    """The leases of runs that have ended.
-
-    Raises:
-        RefusedError: if a run, other than that of the lease `own`, is writing to the folder.
-    """
+    """Leases of ended runs; raises RefusedError if a run, other than that of the lease `own`, is writing there."""
     others = [lease for lease in leases(folder) if lease != own]
     for lease in others:
         if _is_alive(lease):

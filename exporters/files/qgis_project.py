@@ -100,11 +100,7 @@ def put_raster_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
 def put_point_cloud_layer(
     within: ET.Element, layer: ProjectLayer, crs: CRS, classes: Sequence[tuple[int, str, str]]
 ) -> None:
-    """A point cloud in the CRS of the map, in the colours of its classes.
-
-    Args:
-        classes: code, colour and name of each class that is shown.
-    """
+    """A point cloud in the CRS of the map; `classes` are code, colour and name of each class that is shown."""
     element = _put_layer(within, layer, crs, {"type": "point-cloud", "styleCategories": "AllStyleCategories"})
     renderer = {"type": "classified", "attribute": "Classification", "pointSize": "1"}
     categories = ET.SubElement(ET.SubElement(element, "renderer", renderer), "categories")

@@ -253,12 +253,7 @@ def result_origin(report: dict[str, Any], name: str = "") -> Origin:
 
 
 def open_result(folder: Path) -> ResultFolder:
-    """Open the result in `folder`.
-
-    Raises:
-        InputError: if there is none, or it cannot be read.
-        RefusedError: if a run is writing to the folder.
-    """
+    """Open a result; raises InputError if there is none or it cannot be read, RefusedError while a run is writing."""
     from furrowmap.exporters.files.ogr import pyogrio
 
     recover(folder)
@@ -280,11 +275,7 @@ def open_result(folder: Path) -> ResultFolder:
 
 @contextmanager
 def reading_result(folder: Path) -> Iterator[None]:
-    """Turn whatever a library raises on the damaged content of a result into an error of its own.
-
-    Raises:
-        InputError: for errors that are neither furrowmap's own nor the system's.
-    """
+    """Within it, whatever a library raises on the damaged content of a result becomes InputError."""
     try:
         yield
     except (FurrowmapError, OSError, MemoryError, ImportError):

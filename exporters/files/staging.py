@@ -26,11 +26,7 @@ _KEPT: Final = "kept.bin"
 
 
 def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -> None:
-    """Check, before the work, that a folder has no products of these names, or that they may be replaced.
-
-    Raises:
-        RefusedError: if there are any and `overwrite` is not given, or another program has them open, on Windows.
-    """
+    """Raise RefusedError if products of these names may not be replaced, or are open elsewhere, on Windows."""
     there = [name for name in products if (folder / name).exists()]
     if there and not overwrite:
         raise RefusedError("output-exists.refuse-products", folder=folder, there=", ".join(there))
@@ -88,10 +84,9 @@ def kept(staging: Path) -> Path:
 
 
 def recover(folder: Path) -> None:
-    """Complete the move of a killed run's finished products, and remove unfinished ones that cannot be resumed.
+    """Complete the move of a killed run's finished products, and remove those that cannot be resumed.
 
-    Raises:
-        RefusedError: if a run is writing to the folder, or another program has earlier products open, on Windows.
+    Raises RefusedError if a run is writing to the folder, or another program has products open, on Windows.
     """
     if folder.is_dir():
         _finish_ended(folder)

@@ -21,11 +21,7 @@ def require_workbook() -> None:
 
 
 def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:
-    """Write a spreadsheet with a sheet for each table; a number that is not known is an empty cell.
-
-    Args:
-        sheets: rows by name of the sheet; the columns are those of any row, in their order.
-    """
+    """Write a spreadsheet with a sheet of rows for each name; a number that is not known is an empty cell."""
     require_workbook()
     from openpyxl import Workbook
     from openpyxl.styles import Font

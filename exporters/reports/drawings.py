@@ -197,11 +197,7 @@ def half_width_m(swaths: SwathDifferences) -> float:
 
 
 def swath_histogram(swaths: SwathDifferences, reach_m: float | None = None) -> Markup:
-    """Share of the ground by height difference; the outermost bars include all larger differences.
-
-    Args:
-        reach_m: half width; None for that of :func:`half_width_m`.
-    """
+    """Share of the ground by height difference; the outermost bars, at `reach_m`, include all larger differences."""
     top, bottom, left = 18.0, 150.0, 74.0
     reach_m = half_width_m(swaths) if reach_m is None else reach_m
     bins = round(reach_m / BIN_M)

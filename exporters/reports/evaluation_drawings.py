@@ -36,12 +36,7 @@ def fix_kinds(found: Evaluation) -> list[tuple[str, str]]:
 
 
 def error_graph(evaluations: Mapping[str, Evaluation], title: str, colours: Mapping[str, str] | None = None) -> Markup:
-    """An error over time.
-
-    Args:
-        title: one of :data:`ERRORS`.
-        colours: of the services; None for a single one, with a bar of its kinds of fix.
-    """
+    """One of :data:`ERRORS` over time, in the colours of the services; one alone has a bar of its kinds of fix."""
     share, top, bottom = (0.99, 20.0, 150.0) if colours is None else (0.98, 10.0, 180.0)
     series = {name: ERRORS[title](found.matched.error_m) for name, found in evaluations.items()}
     known = np.abs(np.concatenate([values[np.isfinite(values)] for values in series.values()]))

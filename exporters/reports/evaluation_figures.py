@@ -22,11 +22,7 @@ EPOCH_COLUMNS: Final = (
 
 
 def evaluation_figures(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
-    """All figures but those of the epochs; metres with four decimals.
-
-    Args:
-        evaluations: by the name of the service or receiver, all against the same reference.
-    """
+    """All figures but those of the epochs, by service or receiver, against one reference; m with four decimals."""
     return {
         "furrowmap": version("furrowmap"),
         "definitions": DEFINITIONS,

@@ -80,11 +80,7 @@ _POLICY: Final = 'content="POLICY"'
 
 
 def render(template: str, *sources: str, **values: object) -> str:
-    """A page, or a part of one, as HTML; texts among the values are escaped.
-
-    Args:
-        sources: parts of the Content-Security-Policy, besides those of :func:`_policy`.
-    """
+    """A page, or a part of one, as HTML with escaped texts; `sources` extend the Content-Security-Policy."""
     page = _environment().get_template(template).render(values)
     return page.replace(_POLICY, f'content="{_policy(page, sources)}"', 1)
 

@@ -92,12 +92,7 @@ def _curve_legend(*, plateau: bool) -> Iterable[str]:
 def category_chart(
     category: Sequence[str], points: ParcelValues, means: Sequence[tuple[str, float, float, float]]
 ) -> Markup:
-    """Parcels by category, coloured by group, with the mean of each category and its interval.
-
-    Args:
-        category: (n,) of each parcel.
-        means: name, mean, lower and upper end for each category, in the order of the axis.
-    """
+    """Parcels by category, coloured by group; `means` are name, mean, lower and upper end for each, in their order."""
     names = [name for name, *_ in means]
     known = np.isfinite(points.value) & np.array([name in names for name in category], bool)
     y, parts = _vertical_axis(

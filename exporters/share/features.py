@@ -30,11 +30,7 @@ Format = Callable[[Any, Mapping[str, Any]], str]
 
 
 def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, alone: bool) -> dict[str, Any] | None:
-    """A layer of `field.gpkg` as the page reads it; None for no features.
-
-    Args:
-        alone: whether there is no other layer, so that it is shown at first whatever it is.
-    """
+    """A layer of `field.gpkg` as the page reads it, shown at first if it is `alone`; None for no features."""
     layer = layer.where(~(shapely.is_missing(layer.shapes) | shapely.is_empty(layer.shapes)))
     every = max(1, math.ceil(len(layer) / MAX_SHOWN_FEATURES))
     layer = layer.where(slice(None, None, every))

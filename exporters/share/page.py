@@ -125,14 +125,7 @@ EXTENT_MARGIN_M: Final = 2.0
 
 
 def write_page(staging: Path, result: ResultFolder, language: str, progress: Progress) -> list[str]:
-    """Write the page and its files.
-
-    Args:
-        language: in which it begins: "en", "ja" or empty for that of the reader's browser; each page has both.
-
-    Raises:
-        RefusedError: if this installation lacks the page's scripts.
-    """
+    """Write the page, which begins in `language`, or "" for its reader's; raises RefusedError without its scripts."""
     bundle = files("furrowmap.exporters.share").joinpath("bundle")
     if not all(bundle.joinpath(name).is_file() for name in SCRIPTS):
         raise RefusedError("no-web-bundle")

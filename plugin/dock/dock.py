@@ -380,11 +380,7 @@ class FurrowmapDock(QgsDockWidget):
             self.previewer.begin(session)
 
     def run_session(self, session: Path, folder: Path | None = None, *, overwrite: bool = False) -> None:
-        """Run a session in the background; a running preview is cancelled.
-
-        Args:
-            folder: for the products; by default that of the command line.
-        """
+        """Run a session in the background, by default to the command line's folder; a running preview is cancelled."""
         if self._task is not None:
             self.report(self.tr("The previous task is being cancelled; try again in a moment."), Qgis.MessageLevel.Info)
             return
@@ -625,11 +621,7 @@ class FurrowmapDock(QgsDockWidget):
             self.export(name, target if target.lower().endswith(suffix) else target + suffix)
 
     def export(self, name: str, target: str) -> None:
-        """Have the worker convert the result that is shown.
-
-        Args:
-            name: of the format, as `furrowmap export --to` has it.
-        """
+        """Have the worker convert the result that is shown to a format, named as for `furrowmap export --to`."""
         show = partial(self.pages.setCurrentWidget, self.result)
 
         def written(answer: dict[str, Any]) -> None:

@@ -169,11 +169,7 @@ def texts_of(value: Any) -> list[str]:
 
 
 def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = (), *, flight: bool = False) -> str:
-    """The answer of `furrowmap init` as rich text, and what is still to be filled in.
-
-    Args:
-        findings: with `found` and `missing`, notices each; None for a session that was opened again.
-    """
+    """The answer of `furrowmap init` as rich text, None for a session opened again, and what is still missing."""
     kind = tr("a flight") if flight else tr("a drive")
     for code, alone in (("no-lidar", tr("positions alone")), ("no-positions", tr("scans alone"))):
         kind = alone if code in missing else kind

@@ -60,12 +60,7 @@ def is_machine(path: Path) -> bool:
 
 
 def read_places(path: Path) -> Places:
-    """The places in a profile.
-
-    Raises:
-        OSError, UnicodeDecodeError: if it cannot be read.
-        NotSimpleError: if it is not written as `furrowmap machine save` does.
-    """
+    """The places in a profile; raises OSError, UnicodeDecodeError or, if not as furrowmap writes it, NotSimpleError."""
     lines = SessionLines(path.read_text(encoding="utf-8"))
     return {place: lines.get(*place) for place in PLACES}
 
@@ -73,10 +68,8 @@ def read_places(path: Path) -> Places:
 def add_machine(path: Path) -> str:
     """Copy a profile, with what was learned of its implements, among the saved machines; returns its name.
 
-    A machine of this name is not replaced.
-
-    Raises:
-        OSError: if it cannot be written, or there is another machine of this name.
+    A machine of this name is not replaced. Raises OSError if it cannot be written, or there is another machine of this
+    name.
     """
     target = machine_path(path.stem)
     if target.exists() and target.read_bytes() != path.read_bytes():

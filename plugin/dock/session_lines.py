@@ -28,8 +28,7 @@ class NotSimpleError(Exception):
 class SessionLines:
     """The text of a session file, read and changed value by value.
 
-    Raises:
-        NotSimpleError: at a line that is not a comment, a `[table]`, a `[[table]]` or a `key = value` on one line.
+    Raises NotSimpleError at a line that is not a comment, a `[table]`, a `[[table]]` or a `key = value`.
     """
 
     def __init__(self, text: str) -> None:

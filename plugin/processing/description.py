@@ -73,11 +73,10 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Output:
-    """A value that an algorithm gives beside the files it writes.
+    """A value that an algorithm gives beside its files.
 
-    Attributes:
-        kind: "boolean", "file", "folder", "layers", "number", "raster" or "text".
-        source: a name in :data:`_VALUES`, and what it takes from the command's JSON answer.
+    `kind` is "boolean", "file", "folder", "layers", "number", "raster" or "text"; `source` a name in :data:`_VALUES`,
+    and what it takes from the command's JSON answer.
     """
 
     name: str

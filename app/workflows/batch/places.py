@@ -192,11 +192,7 @@ def fetch_session(url: str, stamps: Sequence[Stamp], folder: Path) -> Path:
 
 
 def put_result(folder: Path, url: str, outcome: SessionOutcome) -> None:
-    """Copy a result into a store: its marker last, so that a result is there as a whole or has no marker.
-
-    Raises:
-        RefusedError: if another host is writing that result, or has taken over.
-    """
+    """Copy a result into a store, its marker last; raises RefusedError if another host is writing it, or took over."""
     store = Store(url)
     with store.held() as expect_held:
         store.put(folder)

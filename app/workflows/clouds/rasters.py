@@ -58,11 +58,7 @@ CELLS_A_PLOT: Final = 5
 
 
 def cells_of(path: Path, box_m: tuple[float, float, float, float], cell_m: float) -> tuple[Float32Array, Grid]:
-    """Every so manyth cell of the first band over west, south, east, north, nan where unknown; cells of a size or less.
-
-    Raises:
-        RasterioIOError: if the file cannot be read.
-    """
+    """Every n-th cell of the first band over west, south, east, north, of a size or less; nan where unknown."""
     with rasterio.open(path) as raster:
         step = max(1, round(cell_m / raster.res[0]))
         grid = Grid.of_bounds(raster.res[0] * step, box_m)

@@ -161,11 +161,7 @@ def collect_points(
 
 @dataclass(frozen=True)
 class WrittenParcels:
-    """Parcels that were measured and written, and how their heights respond to a dose, where they have one.
-
-    Attributes:
-        shift: with which they meet the crop; None for none.
-    """
+    """Parcels that were measured and written, how they respond to a dose, and a shift with which they fit better."""
 
     found: list[MeasuredParcel]
     response: Response | None

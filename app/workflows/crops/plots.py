@@ -35,12 +35,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Plots:
-    """The plots of a grid.
-
-    Attributes:
-        parcels: in the order of their numbers, in the coordinates of the output.
-        warnings: how well the corners fit the sizes.
-    """
+    """The plots of a grid in the order of their numbers, in the CRS of the output, and how well the corners fit."""
 
     parcels: tuple[Parcel, ...]
     crs: str

@@ -177,11 +177,7 @@ def remove_from_farm_map(
 def farm_map_sessions(
     farm_map: str | Path, *, schema: str = DB_SCHEMA, progress: Progress = silent
 ) -> tuple[str, CRS | None, list[KnownSession]]:
-    """Name (without a password), CRS and sessions of a farm map, the sessions in order of time.
-
-    Raises:
-        FurrowmapError: if it cannot be opened.
-    """
+    """Name (no password), CRS and sessions of a farm map by time; raises FurrowmapError if it cannot be opened."""
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
         return edit.name(), edit.crs(), edit.sessions()
 

@@ -98,11 +98,7 @@ class TrafficRaster:
 
 
 def farm_memory(farm_map: str | Path, *, schema: str = DB_SCHEMA, progress: Progress = silent) -> FarmMemory:
-    """The tables of fields, seasons and machines of a farm map.
-
-    Raises:
-        FurrowmapError: if it cannot be opened.
-    """
+    """Fields, seasons and machines of a farm map; raises FurrowmapError if it cannot be opened."""
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
         tables = [
             _rows(edit.read(name, columns))

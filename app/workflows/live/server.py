@@ -30,11 +30,7 @@ TILE: Final = re.compile(r"/tiles/(\d{1,2})/(\d{1,8})/(\d{1,8})")
 
 
 class Hub:
-    """Hands each message to all readers, each of which has its own bounded queue.
-
-    Args:
-        first: what a reader gets first; None for nothing.
-    """
+    """Hands each message, and `first` if there is one, to all readers, each of which has its own bounded queue."""
 
     def __init__(self, first: Callable[[], bytes] | None = None) -> None:
         self._first, self._lock = first, Lock()
@@ -143,11 +139,7 @@ class PageServer(ThreadingHTTPServer):
 def serve_page(
     host: str, port: int, hub: Hub, language: str, background: BackgroundMap | None = None
 ) -> ThreadingHTTPServer:
-    """Serve the page, its stream and the tiles below in threads; nothing that a reader sends changes anything.
-
-    Raises:
-        OSError: if the port cannot be used.
-    """
+    """Serve page, stream and tiles in threads; readers change nothing. Raises OSError if the port cannot be used."""
     page = render(
         "live.html", "script-src 'self'", "connect-src 'self'", "img-src 'self' data:", language=language
     ).encode()
@@ -228,11 +220,7 @@ def tile_of(background: BackgroundMap | None, zoom: int, column: int, row: int) 
 
 
 def serve_lines(host: str, port: int, hub: Hub) -> ThreadingTCPServer:
-    """Send a hub's messages to whoever connects, as receivers do with NMEA.
-
-    Raises:
-        OSError: if the port cannot be used.
-    """
+    """Send a hub's messages to whoever connects, as NMEA receivers do; raises OSError if the port cannot be used."""
 
     class LineOutlet(BaseRequestHandler):
         """A connection."""

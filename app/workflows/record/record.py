@@ -41,12 +41,7 @@ MAX_METADATA_BYTES: Final = 1 << 20
 
 @dataclass(frozen=True)
 class Recorded:
-    """A finished recording.
-
-    Attributes:
-        session: the session file.
-        status: the last status, as in `status.json`.
-    """
+    """A finished recording: its session file, and the last status, as in `status.json`."""
 
     session: Path
     status: Mapping[str, Any]

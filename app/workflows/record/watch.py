@@ -45,11 +45,7 @@ class Status:
 
 @dataclass
 class Watch:
-    """Looks at the threads of a recording.
-
-    Attributes:
-        lasting: warnings that hold from the start to the end.
-    """
+    """Looks at the threads of a recording; `lasting` are the warnings that hold from its start to its end."""
 
     network: ScannerNetwork
     receivers: Sequence[GnssReceiver]

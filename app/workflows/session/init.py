@@ -26,12 +26,7 @@ NAMED_FILES: Final = 5
 
 @dataclass(frozen=True)
 class ProposedSession:
-    """A session file that was written.
-
-    Attributes:
-        found: what the recordings show.
-        missing: what a run needs or gains from, and the recordings do not show.
-    """
+    """A session file that was written; what the recordings show, and what a run needs that they do not show."""
 
     path: Path
     found: tuple[Notice, ...]

@@ -25,12 +25,7 @@ SUFFIX: Final = ".toml"
 
 @dataclass(frozen=True)
 class KnownMachine:
-    """A saved machine.
-
-    Attributes:
-        path: of its profile.
-        machine: the profile; None where the file is none.
-    """
+    """A saved machine: the path of its profile, and the profile; None where the file is none."""
 
     name: str
     path: Path

@@ -26,12 +26,7 @@ EXPORT_FORMATS: Final = (*FORMATS, *TRAJECTORIES, MESH, TASK_DATA, STAC)
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
-
-    Attributes:
-        target: the file, or the folder of several.
-        files: that were written, each once.
-    """
+    """What was written: the file, or the folder of several, and all files."""
 
     target: Path
     files: tuple[Path, ...]

@@ -90,11 +90,7 @@ def install_plugin(plugins: Path) -> Path:
 
 
 def write_plugin_zip(out: Path) -> None:
-    """Write the bundled plugin as QGIS installs it from a zip; the same plugin gives the same bytes.
-
-    Raises:
-        RefusedError: if the file exists.
-    """
+    """Write the bundled plugin as a zip for QGIS, always the same bytes; raises RefusedError if the file exists."""
     refuse_existing(out, overwrite=False)
     out.parent.mkdir(parents=True, exist_ok=True)
     with (

@@ -60,12 +60,7 @@ def write_report_page(
 
 @dataclass(frozen=True)
 class Shared:
-    """What was written.
-
-    Attributes:
-        start: the file to open: the page, or the project.
-        files: that were written.
-    """
+    """What was written, and the file to open: the page, or the project."""
 
     folder: Path
     start: Path
