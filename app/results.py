@@ -120,13 +120,7 @@ def _to_structured(batch: CloudBatch) -> NDArray[np.void]:
 
 @dataclass(frozen=True)
 class Raster:
-    """The first band of a GeoTIFF, where xarray is not installed.
-
-    Attributes:
-        array: (rows, columns) float32, the northernmost row first; nan where there is no value.
-        transform: from (column, row) of a cell's upper left corner to easting and northing.
-        crs: of easting and northing.
-    """
+    """The first band (rows, columns) float32 of a GeoTIFF, north up, nan without a value, where xarray is missing."""
 
     array: NDArray[np.float32]
     transform: Affine

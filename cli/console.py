@@ -26,12 +26,9 @@ BAR_WIDTH: Final = 30
 
 @dataclass(frozen=True)
 class Console:
-    """Where a command writes its result, progress and warnings.
+    """Where a command writes its result, as text or JSON, its progress and its warnings.
 
-    Attributes:
-        as_json: write the result as JSON instead of text.
-        quiet: write only warnings and errors to standard error, without a progress bar.
-        verbose: steps are logged to standard error, so there is no progress bar.
+    With `quiet` only warnings and errors go to standard error; with `verbose` steps, without a progress bar.
     """
 
     as_json: bool = False

@@ -145,16 +145,9 @@ def asked_language(arguments: Sequence[str]) -> str | None:
 def attempt(
     arguments: Sequence[str], interruption: Interruption | None = None, console: Console | None = None
 ) -> tuple[int, FurrowmapError | None]:
-    """Run the command line.
+    """Run the command line; its exit status, and the error that ended it, if any.
 
-    Args:
-        console: replaces the console that the arguments describe.
-
-    Returns:
-        The exit status, and the error that ended the command, if any.
-
-    Raises:
-        BrokenPipeError: if the reader of standard output has closed it.
+    Raises BrokenPipeError if the reader of standard output has closed it.
     """
     try:
         status = furrowmap.main(list(arguments), prog_name="furrowmap", standalone_mode=False, obj=console)

@@ -133,13 +133,7 @@ def _common_options() -> Sequence[Decorator]:
 
 
 def option(name: str, metavar: str, text: str, parameter: str = "", **facts: Any) -> Decorator:
-    """An option of a command.
-
-    Args:
-        metavar: implies the type of the value; "" for flags and choices.
-        parameter: of the command; "" for the words of the name.
-        facts: other attributes of :class:`Option`.
-    """
+    """An option of a command; `metavar` implies the type of the value, `facts` are attributes of :class:`Option`."""
     return _click_option(Option(name, metavar, text, **facts), parameter)
 
 

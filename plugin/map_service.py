@@ -19,13 +19,7 @@ UNRESTRICTED = {"", "none"}
 
 @dataclass(frozen=True)
 class ServiceLayer:
-    """A layer that a service offers.
-
-    Attributes:
-        name: by which requests name it.
-        attribution: that the service asks for; "" if it names none.
-        source: for QGIS's provider "wms".
-    """
+    """A layer that a service offers, by the name for requests, with its attribution and the source for QGIS."""
 
     name: str
     title: str
@@ -46,14 +40,9 @@ def capabilities_url(url: str) -> str:
 
 
 def service_layers(text: str, url: str, wanted_crs: str = "") -> list[ServiceLayer]:
-    """The layers of a service, in its order.
+    """The layers of a service, in its order; LAYERS in `url` chooses. Raises ValueError without capabilities.
 
-    Args:
-        url: that the user gave; its LAYERS, if any, choose.
-        wanted_crs: in which maps are asked for if the service has it, else Web Mercator, else the service's first.
-
-    Raises:
-        ValueError: if these are no capabilities.
+    Maps are asked for in `wanted_crs` if the service has it, else in Web Mercator, else in its first.
     """
     root = _parsed(text)
     of_kind = {"WMS_Capabilities": _wms, "WMT_MS_Capabilities": _wms, "Capabilities": _wmts}.get(_tag(root))

@@ -32,17 +32,9 @@ def process_environment() -> QProcessEnvironment:
 
 
 def run_program(words: Sequence[str], on_line: Callable[[str], None], is_cancelled: Callable[[], bool]) -> str:
-    """Run a program.
+    """Run a program, words unquoted; its standard output. Raises ProgramError with the last line of its output.
 
-    Args:
-        words: program and arguments, which need no quoting.
-        is_cancelled: is asked ten times a second.
-
-    Returns:
-        Its standard output.
-
-    Raises:
-        ProgramError: with the last line of its output.
+    `is_cancelled` is asked ten times a second.
     """
     process = QProcess()
     process.setProcessEnvironment(process_environment())

@@ -67,15 +67,9 @@ class NoResultsError(Exception):
 
 
 def open_results(folder: str | Path, project: QgsProject | None = None) -> list[QgsMapLayer]:
-    """Open the products in `folder` as a group of a project, the current one by default.
+    """Open the products in `folder` as a group of a project; its layers, topmost first.
 
-    Layers of the same folder that are open already are replaced.
-
-    Returns:
-        The layers, topmost first: the field's vectors above the surfaces above the cloud.
-
-    Raises:
-        NoResultsError: if there is nothing to open.
+    Open layers of the same folder are replaced. Raises NoResultsError if there is nothing to open.
     """
     steps = opening(folder, project)
     while True:

@@ -33,14 +33,7 @@ READ_MS = 50
 
 
 class WorkerError(Exception):
-    """The command failed.
-
-    Attributes:
-        lines: for the user: what is wrong, what that means, what to do.
-        log: the last lines of the worker's standard error.
-        code: of the command's error; "" for one of the worker.
-        setting: table, key and value of the session file that remedy it; None for another remedy.
-    """
+    """The command failed: lines for the user, last lines of the worker's log, error code, setting that remedies it."""
 
     setting: dict[str, Any] | None = None
 

@@ -41,13 +41,7 @@ TILT_P: Final = 0.01
 
 @dataclass(frozen=True)
 class Growth:
-    """The growth of a parcel.
-
-    Attributes:
-        rate_m_day: slope of its height over time by least squares.
-        sigma_m_day: standard deviation of the rate from those of the heights; nan where these are unknown.
-        span_days: from the first of its days to the last.
-    """
+    """Growth of a parcel: slope of its height by least squares, its standard deviation or nan, and days covered."""
 
     id: str
     days: int

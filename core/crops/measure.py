@@ -105,10 +105,8 @@ def measure_parcels(
 ) -> Iterator[tuple[MeasuredParcel, Canopy]]:
     """The parcels one after another, each with its pixels by the default method; a thread holds the points of one.
 
-    Args:
-        points: of the parcels; collected with a strip around them for the published method.
-        soil_under: gives the soil under a net parcel; None where it is not known.
-        scale: of the map: metres of it per metre on the ground, in which areas and volumes are.
+    `points` have a strip around the parcels for the published method; `soil_under` gives the soil under a net parcel or
+    None; `scale` is metres of the map per metre on the ground, in which areas and volumes are.
     """
 
     def measure(number: int) -> tuple[MeasuredParcel, Canopy]:

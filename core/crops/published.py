@@ -51,12 +51,9 @@ class PublishedCrop:
 
 
 def christiansen2017(xyz_m: FloatArray, net: BaseGeometry, crop: BaseGeometry, around: BaseGeometry) -> PublishedCrop:
-    """Crop height and volume of one parcel by the published steps with their defaults.
+    """Crop height and volume of one parcel from points (n, 3) by the published steps with their defaults.
 
-    Args:
-        xyz_m: (n, 3) float64 easting, northing, height.
-        crop: where the crop stands; what lies around it is soil.
-        around: the points used lie in it: crop and soil around.
+    The crop stands within `crop`; the other points in `around` are soil.
     """
     inside = points_in_polygon(xyz_m, around)
     kept = inside[~statistical_outliers(inside)]

@@ -73,14 +73,7 @@ class Logistic:
 
 @dataclass(frozen=True)
 class Observations:
-    """Sums of n observations by block and dose, which is all that the fit needs.
-
-    Attributes:
-        doses: (d,) distinct doses, ascending.
-        count: (b, d) observations.
-        total: (b, d) sum of their heights.
-        squares: sum of the squared heights about the means of their blocks.
-    """
+    """Sums of observations (b, d) by block and dose (d,), ascending, which is all that the fit needs."""
 
     doses: FloatArray
     count: FloatArray
@@ -384,14 +377,9 @@ def fit_response(
 
 @dataclass(frozen=True)
 class VarianceRow:
-    """A source of variance.
+    """A source of variance: "treatment", "block" or "residual"; the latter without F and its probability.
 
-    Attributes:
-        source: "treatment", "block" or "residual".
-        freedom: degrees of freedom.
-        sum_squares: adjusted for the other source (type II).
-        f: ratio of mean squares; None for the residual.
-        p: probability of so great an F without an effect; None for the residual.
+    The sum of squares is adjusted for the other source (type II).
     """
 
     source: str

@@ -43,13 +43,7 @@ KNOWN_SHARE: Final = 0.8
 
 @dataclass(frozen=True)
 class SoilAround:
-    """Soil from the bare cells around each parcel.
-
-    Attributes:
-        near: cells around each parcel by its id, with crop that stands on them.
-        covariance: of the site.
-        method: "surface" is by kriging; "plane" fits a plane by least squares.
-    """
+    """Soil from the bare cells around each parcel, by its id, by kriging ("surface") or a plane ("plane")."""
 
     near: Mapping[str, SoilCells]
     covariance: HeightCovariance

@@ -47,13 +47,7 @@ RATIOS: Final = (0.3, 1.0, 3.0, 10.0, 30.0)
 
 @dataclass(frozen=True)
 class SoilCells:
-    """Cells of bare soil.
-
-    Attributes:
-        xy_m: (n, 2) float64 mean easting and northing of their points.
-        height_m: (n,) float64 median height.
-        sigma_m: (n,) float64 standard deviation of it by the scatter of the points.
-    """
+    """Cells of bare soil: mean places (n, 2), median heights (n,) and their standard deviations by the scatter."""
 
     xy_m: FloatArray
     height_m: FloatArray
@@ -103,12 +97,9 @@ class SoilPatch:
 
 @dataclass(frozen=True)
 class PatchNodes:
-    """The nodes of the patch of soil under a parcel.
+    """The nodes of the patch of soil under a parcel: the first corner, places (n, 2), and which lie in its net part.
 
-    Attributes:
-        corner_m: easting and northing of the first.
-        xy_m: (rows * columns, 2) easting and northing.
-        inside: (rows * columns,) whether they lie in the net parcel, or within half their distance of it.
+    Those within half their distance of the net parcel count as in it.
     """
 
     corner_m: tuple[float, float]

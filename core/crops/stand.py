@@ -46,13 +46,9 @@ def stand_of(
     """The stand on an area.
 
     The gap fraction by returns is that of pulses where each pulse gives one return; where pulses give several, those
-    that meet plants count more often, and gaps seem fewer.
-
-    Args:
-        height_m: (n,) heights of its returns above the ground.
-        pixel: (n,) number of the pixel of the canopy height model in which each lies.
-        ground_m: returns up to this height are from the ground.
-        layer_m: height of a layer of the profile; the lowest begins at the ground and has what lies below it, too.
+    that meet plants count more often, and gaps seem fewer. `height_m` (n,) are above the ground, returns up to
+    `ground_m` of it; `pixel` (n,) is the pixel of the canopy height model; the lowest layer of `layer_m` has what lies
+    below the ground, too.
     """
     plants = height_m[height_m > ground_m]
     _, at = np.unique(pixel, return_inverse=True)

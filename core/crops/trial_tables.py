@@ -138,13 +138,7 @@ def day_of(text: str | None) -> dt.date | None:
 
 @dataclass(frozen=True)
 class MeasuredTable:
-    """A quantity of n parcels on a day.
-
-    Attributes:
-        parcels: (n,) their identifiers, blocks and attributes; their outlines are not known.
-        value: (n,) of the quantity; nan where it is not known.
-        sigma: (n,) its standard deviation; nan where it is not known.
-    """
+    """A quantity of n parcels, without their outlines, on a day, and its standard deviation; nan where unknown."""
 
     parcels: tuple[Parcel, ...]
     value: FloatArray

@@ -75,13 +75,7 @@ class BreakPoints:
 
 @dataclass(frozen=True)
 class Breakline:
-    """A ditch, a ridge, or an edge of a bank.
-
-    Attributes:
-        kind: "ditch" where both sides rise, "ridge" where both fall, else "edge".
-        path_m: (k, 3) its course.
-        depth_m: median depth of a ditch, or height of a ridge; 0 for an edge.
-    """
+    """A "ditch" between rising sides, a "ridge", or an "edge" of a bank: course (k, 3), median depth or height."""
 
     kind: BreakKind
     path_m: FloatArray

@@ -107,12 +107,9 @@ COLOUR_SCALE: Final = 0.1
 
 
 def vote_classes(evidence: FloatArray, segment: IntArray, rgb: FloatArray | None) -> NDArray[np.uint8]:
-    """Class of each voxel by its own evidence and that of its segment.
+    """Class of each voxel by its own evidence (n, 4) of :data:`VOTED`, from 0 to 1, and that of its segment.
 
-    Args:
-        evidence: (n, 4) of :data:`VOTED`, from 0 to 1.
-        segment: (n,) segment of each voxel; below 0 for none.
-        rgb: (n, 3) colours from 0 to 1, nan where unknown; None without any.
+    `segment` (n,) is below 0 for none; `rgb` (n, 3) from 0 to 1, nan where unknown.
     """
     total = evidence.copy()
     known = segment >= 0
@@ -240,13 +237,7 @@ PLANE_TOLERANCE_M: Final = (0.04, 0.12)
 
 @dataclass(frozen=True)
 class FeatureTile:
-    """What is classified at once: n finite points.
-
-    Attributes:
-        ground: (n,) by the ground filter.
-        cell_m: of the voxels: the spacing of the points, or larger.
-        rgb: (n, 3) colours from 0 to 1; None without.
-    """
+    """What is classified at once: finite points, which are ground, the size of voxels, colours (n, 3) from 0 to 1."""
 
     xyz_m: FloatArray
     ground: BoolArray

@@ -53,13 +53,7 @@ OWN_CELL_M: Final = 0.5
 
 @dataclass
 class FoundFeatures:
-    """Features found in the tiles done so far.
-
-    Attributes:
-        planes: horizontal, vertical and open ones, by piece.
-        breaks: points of breaklines, by tile.
-        points: (6,) number of points of each :class:`Feature`.
-    """
+    """Features found in the tiles done so far: planes by piece, breaks by tile, points of each :class:`Feature`."""
 
     planes: list[PlanePiece] = field(default_factory=list)
     lines: list[LineObject] = field(default_factory=list)

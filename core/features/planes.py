@@ -82,10 +82,8 @@ def find_planes(
 ) -> list[Plane]:
     """Planes in voxels (n, 3), none of them ground, with the shapes of their neighbourhoods; largest first.
 
-    Args:
-        tolerance_m: greatest distance from a plane of a voxel that is on it.
-        reach_m: greatest distance between neighbours.
-        fill: limits of the share of the cells around each cell of a plane that hold voxels as well.
+    Voxels of a plane lie within `tolerance_m` of it, neighbours within `reach_m`; `fill` limits the share of the cells
+    around each cell of a plane that hold voxels as well.
     """
     if len(xyz_m) < MIN_PLANE_VOXELS:
         return []

@@ -23,13 +23,7 @@ SADDLE_SHARE: Final = 0.25
 
 @dataclass(frozen=True)
 class Plants:
-    """n plants.
-
-    Attributes:
-        top_m: (n, 3) place and height of the highest cell.
-        height_m: (n,) above the ground.
-        area_m2: (n,) of the crown, as seen from above.
-    """
+    """n plants: place and height (n, 3) of the highest cell, height above the ground, area of the crown from above."""
 
     top_m: FloatArray
     height_m: FloatArray

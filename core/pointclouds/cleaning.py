@@ -159,14 +159,7 @@ def classified_spool(
 ) -> Iterator[SquareSpool]:
     """The points of clouds by square, their ground classified: a context manager that removes them at its end.
 
-    Args:
-        cleaning: of its steps, those that need no neighbours, and the ground.
-        progress: receives the stages "reading clouds" and "cleaning clouds".
-
-    Raises:
-        InputError: as :func:`clean_points`.
-        RefusedError: likewise.
-        OSError: likewise.
+    Progress is of the stages "reading clouds" and "cleaning clouds". Raises errors as :func:`clean_points`.
     """
     side_m = square_side_m(clouds)
     with SquareSpool(SPOOLED_POINT, folder, side_m) as spool, SquareSpool(SPOOLED_XYZ, folder, side_m) as lows:

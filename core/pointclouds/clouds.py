@@ -30,13 +30,7 @@ MACHINE_CLASSES: Final = (PointClass.VEHICLE, PointClass.IMPLEMENT)
 
 @dataclass(frozen=True)
 class CloudPoints:
-    """n selected points of a batch.
-
-    Attributes:
-        xyz_m: (n, 3) easting, northing, height in the CRS of the :class:`Clouds`.
-        t_s: (n,) UTC; None without times.
-        ground: (n,) whether classified as ground in the file.
-    """
+    """n selected points: (n, 3) in the CRS of the :class:`Clouds`, UTC (n,) or None, ground (n,) by the file."""
 
     xyz_m: FloatArray
     t_s: FloatArray | None
@@ -110,12 +104,7 @@ class Clouds:
     ) -> Iterator[tuple[CloudFile, CloudBatch]]:
         """The points with all attributes in `crs` and metres, without those with the *withheld* flag.
 
-        Args:
-            wanted: selects points of a batch; None for all.
-
-        Raises:
-            InputError: as :meth:`batches`.
-            RefusedError: likewise.
+        `wanted` selects points of a batch. Raises errors as :meth:`batches`.
         """
         done = 0
         box = self.selected(box)

@@ -17,14 +17,7 @@ STEPS_A_CHUNK: Final = 32
 
 @dataclass(frozen=True)
 class LineTrack:
-    """Successive positions of a line without a gap.
-
-    Attributes:
-        number: of its pass, from 1.
-        t_s: (n,) UTC, non-decreasing.
-        middle_m: (n, 2) middle of the line in the map frame.
-        half_m: (n, 2) from the middle to the left end of the line.
-    """
+    """Successive positions of a line without a gap: pass from 1, UTC (n,), middle (n, 2), from it to the left end."""
 
     number: int
     t_s: FloatArray
@@ -34,13 +27,7 @@ class LineTrack:
 
 @dataclass(frozen=True)
 class LinePassage:
-    """Times at which the line passed cell centres; arrays have the shape of the grid.
-
-    Attributes:
-        first_s: UTC of the first passage; inf where there was none.
-        last_s: UTC of the last passage; -inf likewise.
-        number: int32 pass of the last passage; 0 likewise.
-    """
+    """UTC of the first and last passage of a line over cells, ±inf without, and the pass of the last or 0, by cell."""
 
     grid: Grid
     first_s: FloatArray

@@ -97,15 +97,7 @@ class PointSpool:
         kept: NDArray[np.bool_] | None = None,
         origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
-        """Add points.
-
-        Args:
-            xyz_m: (n, 3) easting, northing, height less `origin_m`; points that are not finite are skipped.
-            t_s: (n,) UTC; None where times are not needed.
-
-        Raises:
-            OSError: if the temporary file cannot be written.
-        """
+        """Add points (n, 3) less `origin_m`, if finite, and UTC (n,) where needed; raises OSError at a full disk."""
         n = len(xyz_m)
         times = np.zeros(n) if t_s is None else np.ascontiguousarray(t_s, np.float64)
         if self._begin_s is None and n:

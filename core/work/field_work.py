@@ -41,13 +41,7 @@ LINE_TOLERANCE_M: Final = 0.02
 
 @dataclass(frozen=True)
 class ToolPath:
-    """The way of the middle of the tool's line in one state, forwards or backwards, without a gap.
-
-    Attributes:
-        pass_number: 1 for the first; None unless the tool is down.
-        begin_s: UTC.
-        end_s: UTC.
-    """
+    """The way of the middle of the tool's line in one state, forwards or backwards, without a gap; a pass if down."""
 
     state: ToolState
     pass_number: int | None
@@ -160,13 +154,7 @@ by 4.1 cm."""
 
 @dataclass(frozen=True)
 class Depth:
-    """The working depth of one pass.
-
-    Attributes:
-        depth_m: median; nan where unknown.
-        spread_m: standard deviation within the pass, robust; nan where unknown.
-        sigma_m: standard deviation of the depth, if the stated one is right; nan where unknown.
-    """
+    """The working depth of one pass: median, robust spread, and sigma if the stated depth is right; nan if unknown."""
 
     depth_m: float
     spread_m: float
@@ -306,10 +294,8 @@ class _ImplementTracking:
 class ImplementTracker:
     """Finds the implements in the first pass over a recording and tracks them in the second.
 
-    Args:
-        session: says how the scanner is mounted, and where the implements are if it knows.
-        earlier: each implement as an earlier session learned it, for a session that does not show it moving.
-        flying: whether the vehicle is an aircraft, which has no implement.
+    `session` says how the scanner is mounted, and where the implements are if it knows; `earlier` is each implement as
+    an earlier session learned it; an aircraft that is `flying` has none.
     """
 
     def __init__(self, session: Session, earlier: Sequence[SeenImplement | None] = (), *, flying: bool = False) -> None:

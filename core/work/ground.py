@@ -356,12 +356,8 @@ class AreaFigure:
 class Pass:
     """The ground worked from one lowering of the tool to its lifting.
 
-    Attributes:
-        number: 1 for the first.
-        ground: what the tool's line swept while it moved forward; empty where no position is known.
-        length_m: driven forward with the tool down.
-        speed_mps: mean while moving; nan where it did not move.
-        swept_m2: the areas of all its pieces added up, ground that it worked again counted again.
+    It is empty where no position is known; `speed_mps` is the mean while moving, or nan; `swept_m2` counts ground that
+    the pass worked again.
     """
 
     number: int
@@ -395,13 +391,7 @@ class FieldPlace:
 
 @dataclass(frozen=True)
 class FieldFigures:
-    """How much of a field was worked.
-
-    Attributes:
-        area: of the ground inside its boundary, which is taken as exact.
-        worked_share: of that ground.
-        unworked: ground of the field that was neither worked nor missed.
-    """
+    """How much of a field, whose boundary is taken as exact, was worked, and what was neither worked nor missed."""
 
     area: AreaFigure
     worked_share: float
@@ -469,11 +459,8 @@ def worked_ground(
 ) -> WorkedGround:
     """The ground that the tool worked.
 
-    Args:
-        trajectory: of the vehicle frame, at any rate.
-        states: when the tool was down.
-        implement: width and place of the tool's line; taken as exact.
-        boundary: the field in the map frame, if known; taken as exact.
+    Its states and the trajectory of the vehicle frame may have any rate; width and place of the tool's line, and the
+    boundary of the field, are taken as exact.
     """
     times = pass_times(states)
     work = [[(sweep, ribbons(sweep)) for sweep in sweeps(trajectory, when, implement)] for when in times]

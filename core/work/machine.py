@@ -156,10 +156,7 @@ def learn_machine(
 ) -> MachineVoxels | None:
     """Learn the vehicle and its implements; None with few moving scans, or without ground where the mounting has it.
 
-    Args:
-        scans: spread over a session.
-        moving: (scans,) whether the vehicle moved.
-        ground: plane above which the vehicle is; by default that of the scans.
+    `moving` (scans,) says whether the vehicle moved; `ground` is by default the plane of the scans.
     """
     numbers = np.flatnonzero(moving).tolist()
     if len(numbers) < MIN_MACHINE_SCANS:

@@ -25,14 +25,7 @@ _SMOOTH: Final = np.array([0.25, 0.5, 0.25])
 
 @dataclass(frozen=True)
 class SideViewGrid:
-    """Cells of the side view.
-
-    Attributes:
-        x_m: start of the first column.
-        z_m: start of the lowest row, above the ground.
-        columns: along x.
-        rows: upward.
-    """
+    """Cells of the side view: start of the first column and of the lowest row above the ground, their numbers."""
 
     x_m: float
     z_m: float
@@ -220,12 +213,9 @@ class Levels:
 
 @dataclass(frozen=True)
 class SeenImplement:
-    """The implement, for measuring its height in every scan and for the report.
+    """The implement, for measuring its height in every scan: height at work, usual points in a scan, their gain.
 
-    Attributes:
-        working_m: height of the working position relative to the template; assumed where it works out of view.
-        points: usual number of its points in a scan.
-        gain: usual log-likelihood gain of each of them.
+    `gain` is the log-likelihood gain of a point; `working_m` is assumed where the tool works out of view.
     """
 
     region: Region

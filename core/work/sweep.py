@@ -25,14 +25,7 @@ KNOT_EVERY_S: Final = 0.1
 
 @dataclass(frozen=True)
 class PassTimes:
-    """From when to when the tool kept its state.
-
-    Attributes:
-        begin_s: UTC.
-        end_s: UTC.
-        begin_sigma_s: standard deviation of `begin_s`; nan where unknown.
-        end_sigma_s: standard deviation of `end_s`; nan where unknown.
-    """
+    """UTC from when to when the tool kept its state, and their standard deviations; nan where unknown."""
 
     begin_s: float
     end_s: float

@@ -30,13 +30,7 @@ FULL_WIDTH: Final = 0.99
 
 @dataclass(frozen=True)
 class TaskWork:
-    """The work of one task.
-
-    Attributes:
-        work: what it worked; its `ground` is None where no state is known.
-        boundary_area_m2: on the ellipsoid; nan without a boundary.
-        logged_swept_m2: way times the width that the log says worked: what its counter counts; nan where it does not.
-    """
+    """The work of one task; area of its boundary on the ellipsoid, and what its log counts as swept, nan if unknown."""
 
     task: LoggedTask
     frame: MapFrame

@@ -34,14 +34,7 @@ _GROUND_POINTS: Final = 40_000
 
 @dataclass(frozen=True)
 class View:
-    """Candidate points of a scan.
-
-    Attributes:
-        xyz_m: (n, 3) float32: x and y of the vehicle frame, height above the ground.
-        range_m: (n,) float32.
-        laser: (n,) uint8.
-        column: (n,) int32 of the range image.
-    """
+    """Candidate points of a scan: (n, 3) in the vehicle frame above the ground, range, laser, column of the image."""
 
     xyz_m: NDArray[np.float32]
     range_m: NDArray[np.float32]
@@ -59,14 +52,7 @@ class View:
 
 @dataclass(frozen=True)
 class Heights:
-    """Fits of a template to n scans.
-
-    Attributes:
-        height_m: (n,) relative to the template; nan where nothing fits.
-        explained: (n,) points of the tool.
-        there: (n,) candidate points.
-        gain: (n,) log-likelihood gain.
-    """
+    """Fits of a template to n scans: height to it or nan, points of the tool, candidates, log-likelihood gain."""
 
     height_m: FloatArray
     explained: FloatArray
@@ -94,13 +80,7 @@ class Heights:
 
 @dataclass(frozen=True)
 class Views:
-    """Scans within a search region.
-
-    Attributes:
-        scans: near points of each.
-        images: (lasers, COLUMNS) range image of each.
-        views: candidate points of each.
-    """
+    """Scans within a search region: near points, range images (lasers, COLUMNS) and candidates of each."""
 
     scans: Sequence[NearScan]
     images: Sequence[NDArray[np.float32]]

@@ -42,16 +42,7 @@ class WorkedCells:
         return self._state
 
     def add_line(self, before: FloatArray, after: FloatArray, way_m: float) -> set[Tile]:
-        """Work the ground between two places of the tool's line.
-
-        Args:
-            before: (2, 2) left and right end, easting and northing.
-            after: the same, further on.
-            way_m: driven so far.
-
-        Returns:
-            The tiles that changed.
-        """
+        """Work the ground between two places (2, 2) of the ends of the tool's line; the tiles that changed."""
         corners = np.array([before[0], before[1], after[1], after[0]]) / CELL_SIDE_M
         low = np.floor(corners.min(axis=0) / TILE_CELLS).astype(int)
         high = np.floor(corners.max(axis=0) / TILE_CELLS).astype(int)

@@ -139,12 +139,8 @@ class Octree:
     the rest has two halves, one of which a thread writes to the file while the other is filled. At the end, ranges of
     cells that fit into a half are read back in the order of the cells' codes, into the halves by turns. A node is
     complete once its last cell has been read, so that only one node of each level is waiting. A cell with too many
-    records for a node becomes the root of an octree of its own.
-
-    Args:
-        memory_points: maximum number of records in memory; others are kept in a file in `folder`.
-        node_points: records of a node that has children; a leaf may have twice as many.
-        cube: of all records; None to compute it from them.
+    records for a node becomes the root of an octree of its own. At most `memory_points` records are in memory, the
+    others in a file in `folder`; a leaf may have twice `node_points`; without a `cube` it is computed from the records.
     """
 
     def __init__(

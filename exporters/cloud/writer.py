@@ -28,13 +28,7 @@ MIN_NODE_POINTS: Final = 64
 
 @dataclass(frozen=True)
 class CopcSummary:
-    """Summary of a written cloud.
-
-    Attributes:
-        low_m: least easting, northing and height; the origin for no points.
-        points_by_level: number of points of each level, the root first.
-        points_by_class: number of points of each class that occurs.
-    """
+    """Summary of a written cloud: least corner or the origin, points by level from the root, points by class."""
 
     points: int
     low_m: tuple[float, float, float]
@@ -77,12 +71,7 @@ class CopcWriter:
         return self
 
     def append(self, batch: PointBatch) -> None:
-        """Add a batch of points.
-
-        Raises:
-            FurrowmapError: if a coordinate or time is not finite, or a coordinate is out of range for LAS.
-            ValueError: if arrays have different lengths, a value does not fit its field, or dimensions are missing.
-        """
+        """Add a batch; raises FurrowmapError if a value is out of range, ValueError if arrays do not fit."""
         done = 0
         while done < len(batch):
             room = self._octree.room(len(batch) - done)

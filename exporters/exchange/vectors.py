@@ -215,10 +215,8 @@ Layers = Mapping[str, VectorLayer]
 class VectorFormat:
     """A format of vector files.
 
-    Attributes:
-        write_all: writes all layers into one file, and returns what could not be kept; None for a file a layer.
-        notices: of what a format with a file a layer cannot keep.
-        crs: the only CRS of the format; None for any.
+    `write_all` writes all layers into one file, and returns what could not be kept; None for a file a layer, with
+    `notices` of what cannot be kept; `crs` is the only one of the format, None for any.
     """
 
     suffix: str

@@ -37,13 +37,7 @@ class Wheels:
 
 @dataclass(frozen=True)
 class FarmTraffic:
-    """Where machines worked and drove.
-
-    Attributes:
-        passes: (n,) polygons; each counts its ground as worked once.
-        day: (n,) datetime64[D] of each.
-        tracks: (m,) lines of the middle of the rear axle, one a session.
-    """
+    """Where machines worked and drove: polygons of passes and their days, a line of the rear axle a session."""
 
     passes: ShapeArray
     day: NDArray[np.datetime64]

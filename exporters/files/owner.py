@@ -22,9 +22,8 @@ PATTERN: Final = re.sub(r"\?P<\w+>", "", _OWNER.pattern)
 class Owner:
     """A process.
 
-    Attributes:
-        machine: 8 hexadecimal digits for the host, its start and its space of process numbers: a container has its own.
-        started: when the process started, in ticks of the system; 0 where the system does not report it, as on macOS.
+    `machine` is 8 hexadecimal digits for the host, its start and its space of process numbers, which a container has of
+    its own; `started` is in ticks of the system, 0 where it does not report it, as on macOS.
     """
 
     machine: str

@@ -15,13 +15,7 @@ PROVENANCE_FILE: Final = "provenance.json"
 
 @dataclass(frozen=True)
 class Origin:
-    """Provenance of a product.
-
-    Attributes:
-        inputs: name and SHA-256 of each input file.
-        span_s: UTC of the first and the last measurement; None where unknown.
-        parameters: values that are None are left out.
-    """
+    """Provenance of a product: name and SHA-256 of each input, UTC of the first and last measurement, parameters."""
 
     title: str
     session: str = ""

@@ -178,12 +178,8 @@ _Report = msgspec.defstruct(
 def refuse_occupied(folder: Path, products: Iterable[str], shared: str, *, overwrite: bool) -> None:
     """Finish what an earlier process left in a folder, and check that products may go there, before the work.
 
-    Args:
-        shared: the product that a run has under the same name.
-        overwrite: whether products of these names may be replaced; those of a run may not.
-
-    Raises:
-        RefusedError: if the folder holds such products, or those of a run.
+    `shared` is the product that a run has under the same name; those of a run may not be replaced. Raises RefusedError
+    if the folder holds products.
     """
     if not folder.is_dir():
         return

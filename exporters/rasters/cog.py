@@ -48,11 +48,9 @@ GDAL_CACHE_BYTES: Final = 64 << 20
 
 @dataclass(frozen=True)
 class Band:
-    """A band of a raster.
+    """A band of a raster, rounded to multiples of 1 / steps_per_unit.
 
-    Attributes:
-        unit: such as "m"; "1" for numbers and shades, as GDAL takes an empty one for that of the heights.
-        steps_per_unit: values are rounded to multiples of 1 / steps_per_unit; 0 for no rounding.
+    For numbers and shades the unit is "1", as GDAL takes an empty one for that of the heights.
     """
 
     description: str

@@ -70,11 +70,8 @@ _RASTER_STATISTICS: Final = {SWATHS: "mean", DENSITY: "count", STRIP_OVERLAP: "c
 class RasterFigures:
     """Figures of the surfaces for the report.
 
-    Attributes:
-        seen_m2: area with a height in `dsm.tif`.
-        moved: soil moved; None where work is unknown.
-        swaths: differences between swaths; None where no ground was seen twice.
-        strips: of a flight, with the ground that they cover.
+    `seen_m2` has a height in `dsm.tif`; `moved` and `swaths` are None where no work is known or no ground was seen
+    twice; `strips` are of a flight.
     """
 
     cell_m: float

@@ -52,19 +52,10 @@ def write_orthophoto(
     origin: Origin,
     progress: Progress = silent,
 ) -> float:
-    """Write the orthophoto of a surface: red, green, blue, and a mask of where there is a picture.
+    """Write the orthophoto of a surface (a GeoTIFF of this program): red, green, blue, and a mask of the picture.
 
-    Memory is some hundred megabytes, regardless of the size.
-
-    Args:
-        surface: GeoTIFF with heights in its first band, of this program.
-        origin_m: local origin of the colours' coordinates.
-
-    Returns:
-        Area of the ground that has a picture, in square metres of the map.
-
-    Raises:
-        InputError: if the surface cannot be read.
+    Memory is some hundred megabytes, regardless of the size. Returns the area with a picture in square metres of the
+    map; raises InputError if the surface cannot be read.
     """
     covered = 0
     with (

@@ -124,13 +124,7 @@ def write_moved(path: Path, mover: Mover, grid: Grid, crs: CRS, origin: Origin) 
 
 @dataclass(frozen=True)
 class ChangeFigures:
-    """The change between two dates.
-
-    Attributes:
-        moved: of the ground that a tool worked between them.
-        places_m: (n, 2) some cells compared, evenly chosen.
-        untouched_m: (k,) changes of some cells that no tool touched.
-    """
+    """The change between two dates: where tools worked, at some cells (n, 2), and at cells that no tool touched."""
 
     moved: MeanChange
     places_m: FloatArray
@@ -139,13 +133,7 @@ class ChangeFigures:
 
 @dataclass(frozen=True)
 class ChangedGround:
-    """Ground by what tools did to it.
-
-    Attributes:
-        worked: between two dates.
-        before: on the first of them or earlier; of the worked ground, what lies in it was worked again.
-        touched: on either date or between them, with a margin.
-    """
+    """Ground by what tools did: between two dates, on the first or earlier, and on either or between, with a margin."""
 
     worked: BaseGeometry
     before: BaseGeometry

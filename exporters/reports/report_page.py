@@ -56,12 +56,9 @@ def range_images(seen: SeenImplement) -> Iterator[tuple[str, Markup]]:
 def range_image(
     range_m: NDArray[np.float32], azimuth_deg: NDArray[np.float64], shown: NDArray[np.bool_] | None, title: str
 ) -> Markup:
-    """A range image as SVG.
+    """A range image (lasers, n), the lowest laser first, nan for nothing, as SVG; what is not `shown` is pale.
 
-    Args:
-        range_m: (lasers, n) the lowest laser first; nan where nothing is seen.
-        azimuth_deg: (n,) of the columns, increasing; may go on beyond 360.
-        shown: (lasers, n) what is not pale; None for all.
+    The azimuths (n,) of the columns increase, and may go on beyond 360.
     """
     lasers, columns = range_m.shape
     parts = [image(LEFT, TOP, WIDTH, BOTTOM, range_picture(range_m, shown), class_="depth")]

@@ -52,13 +52,7 @@ def run_report(
     timings_s: dict[str, float],
     products: Sequence[str],
 ) -> dict[str, Any]:
-    """The content of `report.json`.
-
-    Args:
-        session_file: path to the session from the products.
-        cloud: summary of its writer; None for no cloud.
-        rasters: figures of the surfaces; None for no surfaces.
-    """
+    """The content of `report.json`; `session_file` is the path to the session from the products."""
     calibration = {"lidar": _scanner_mounting(found.boresight)} if found.boresight is not None else {}
     if found.further_scanners:
         calibration["scanners"] = {name: mounting.plain() for name, mounting in found.further_scanners.items()}

@@ -33,13 +33,7 @@ def history_page(
     visits: Sequence[Mapping[str, Any]],
     grounds: NDArray[np.object_],
 ) -> str:
-    """The page, in English; its areas have no unit yet.
-
-    Args:
-        seasons: rows of `seasons`, the last one first.
-        visits: rows of `visits`, the last one first.
-        grounds: (n,) the ground that each of them worked.
-    """
+    """The page, in English, of seasons and visits, the last one first, with their ground; areas have no unit yet."""
     sheet = Sheet(padded_bounds([outline, *grounds], MAP_MARGIN_M))
     parts = [
         sheet.area(ground, "pass", fill=SHADES[level], stroke="none")

@@ -29,13 +29,7 @@ _TICK_STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 @dataclass(frozen=True)
 class ParcelValues:
-    """A quantity of n parcels.
-
-    Attributes:
-        value: (n,) nan where unknown.
-        group: (n,) by which they are coloured, such as their block.
-        group_name: such as "block".
-    """
+    """A quantity of n parcels, nan where unknown, with the groups by which they are coloured, such as their block."""
 
     value: FloatArray
     group: Sequence[str]

@@ -41,13 +41,7 @@ WEBP_QUALITY: Final = "85"
 
 @dataclass(frozen=True)
 class StyledPicture:
-    """A raster in colours.
-
-    Attributes:
-        rgba: (rows, columns, 4) uint8, north on top.
-        box_m: west, south, east, north in the raster's CRS.
-        legend: colour and label of the style's classes.
-    """
+    """A raster in colours (rows, columns, 4), north on top; its box in its CRS; colours and labels of its classes."""
 
     rgba: NDArray[np.uint8]
     box_m: tuple[float, float, float, float]

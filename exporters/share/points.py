@@ -36,14 +36,7 @@ MACHINE_CODES: Final = (int(PointClass.VEHICLE), int(PointClass.IMPLEMENT))
 
 @dataclass(frozen=True)
 class SharedPoints:
-    """Points for a page.
-
-    Attributes:
-        xyz_m: (n, 3) float64 in the cloud's CRS.
-        classification: (n,) uint8.
-        rgb: (n, 3) uint8; None without colours.
-        of: number of points in the cloud.
-    """
+    """Points for a page: (n, 3) in the cloud's CRS, classes, colours (n, 3) or None, number of points in the cloud."""
 
     xyz_m: NDArray[np.float64]
     classification: NDArray[np.uint8]

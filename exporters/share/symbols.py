@@ -18,13 +18,7 @@ _AROUND_ZERO: Final = re.compile(r'0\.5 \+ "(\w+)" / ([\d.]+)')
 
 @dataclass(frozen=True)
 class Symbol:
-    """How a feature is drawn.
-
-    Attributes:
-        stroke: CSS colour of the line or the outline; None for none.
-        fill: CSS colour of the area or the marker; None for none.
-        size_mm: diameter of a marker.
-    """
+    """How a feature is drawn: CSS colours of line and area or marker, None for none, and diameter of a marker."""
 
     stroke: str | None = None
     fill: str | None = None
@@ -38,13 +32,7 @@ PLAIN_SYMBOL: Final = Symbol("rgba(64,64,64,1)", "rgba(255,255,255,0.25)", 0.3, 
 
 @dataclass(frozen=True)
 class Ramp:
-    """Fill colours by a number.
-
-    Attributes:
-        stops: (n, 4) position from 0 to 1, red, green, blue.
-        low: value of the first colour.
-        high: value of the last.
-    """
+    """Fill colours by a number: stops (n, 4) of position 0 to 1, red, green, blue, from the value low to high."""
 
     attribute: str
     stops: np.ndarray[Any, np.dtype[np.float64]]

@@ -119,14 +119,9 @@ class SessionPage(QWidget):
         whole.addWidget(buttons)
 
     def show_session(self, path: Path, findings: dict[str, Any] | None = None) -> None:
-        """Read a session file into the form.
+        """Read a session file into the form, with the answer of `furrowmap init` shown above it.
 
-        Args:
-            findings: the answer of `furrowmap init`, shown above the form.
-
-        Raises:
-            NotSimpleError: if the form cannot edit the file.
-            OSError, UnicodeDecodeError: if it cannot be read.
+        Raises NotSimpleError if the form cannot edit the file, OSError or UnicodeDecodeError if it cannot be read.
         """
         lines = self._lines = SessionLines(path.read_text(encoding="utf-8"))
         self.path = path

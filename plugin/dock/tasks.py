@@ -192,13 +192,7 @@ class Previewer(QObject):
 
 @dataclass
 class Drive:
-    """A drive in the queue.
-
-    Attributes:
-        session: its file, which the batch writes where there is none yet.
-        recordings: folder for a new session; None for a session that exists.
-        text: the stage, or why it failed.
-    """
+    """A drive in the queue: its session, the folder for a new one, state, and the stage, or why it failed."""
 
     session: Path
     recordings: Path | None

@@ -29,13 +29,7 @@ BODY_COLOUR, TYRE_COLOUR, GROUND_COLOUR = QColor("#d9d9d9"), QColor("#969696"), 
 
 @dataclass(frozen=True)
 class VehiclePlaces:
-    """Positions in the vehicle frame (x forward, y left, z up; metres); None if unknown.
-
-    Attributes:
-        lidar_xyz_m, antenna_xyz_m: of scanner and antenna.
-        implement_xy_m, implement_width_m: middle and length of the working line.
-        imu_xyz_m, camera_xyz_m: of IMU and camera.
-    """
+    """Positions in the vehicle frame (x forward, y left, z up; metres) of its parts; None where unknown."""
 
     lidar_xyz_m: Sequence[float] = (0.0, 0.0, 0.0)
     lidar_rpy_deg: Sequence[float] = (0.0, 0.0, 0.0)

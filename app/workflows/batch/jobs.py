@@ -70,12 +70,10 @@ class PreparedSource:
 
 @dataclass(frozen=True)
 class Job:
-    """A run.
+    """A run: files or URLs of its session and of the folder of all results.
 
-    Attributes:
-        file: of the session; a session that is made from recordings is not written there.
-        url: of the folder of the session, if it is in a store; `file` is then the address of the session file.
-        results_url: of the folder of all results, if that is in a store.
+    A session that is made from recordings is not written to `file`. In a store `file` is the address of the session
+    file.
     """
 
     name: str

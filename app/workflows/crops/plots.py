@@ -20,13 +20,7 @@ from furrowmap.exporters.vectors.crop_layers import expect_suffix, write_parcels
 
 @dataclass(frozen=True)
 class Place:
-    """A point on the map.
-
-    Attributes:
-        x: easting, or longitude.
-        y: northing, or latitude.
-        crs: of the point; None for that of the output.
-    """
+    """A point on the map: easting and northing, or longitude and latitude; without a CRS in that of the output."""
 
     x: float
     y: float

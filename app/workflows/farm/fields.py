@@ -13,12 +13,9 @@ from furrowmap.exporters.vectors.task_fields import task_figures, write_fields
 
 @dataclass(frozen=True)
 class Fields:
-    """The ground worked in the tasks of a set of task data.
+    """The ground worked in the tasks of a set of task data, by the name of the map's CRS.
 
-    Attributes:
-        crs: name of the map's CRS.
-        rows: figures of each task, by name; None where a figure is unknown. `pandas.DataFrame(rows)` is a table.
-        warnings: what to know about these figures.
+    `rows` are figures of each task by name, None where unknown; `pandas.DataFrame(rows)` is a table.
     """
 
     crs: str

@@ -43,14 +43,7 @@ MACHINE_COLUMNS: Final = (
 
 @dataclass(frozen=True)
 class FarmMemory:
-    """The tables of a farm map; values are None where unknown, dates ISO 8601.
-
-    Attributes:
-        farm_map: its path or address, without a password.
-        fields: rows by column.
-        seasons: a row for each field and season.
-        machines: a row for each machine.
-    """
+    """The tables of a farm map, rows by column; values are None where unknown, dates ISO 8601."""
 
     farm_map: str
     fields: list[dict[str, Any]]
@@ -60,14 +53,7 @@ class FarmMemory:
 
 @dataclass(frozen=True)
 class FieldHistory:
-    """The history of a field.
-
-    Attributes:
-        path: that was written; None where it was only asked for.
-        field: row of the field.
-        seasons: its seasons, the last one first.
-        visits: its sessions, the last one first.
-    """
+    """The rows of a field, its seasons and its visits, the last one first; `path` is the page, if it was written."""
 
     path: Path | None
     field: dict[str, Any]

@@ -29,13 +29,7 @@ MIN_RADIUS_M: Final = 6_000_000.0
 
 @dataclass(frozen=True)
 class SolvedPositions:
-    """A solution.
-
-    Attributes:
-        path: the `.pos` file.
-        by_fix: number of them by kind of fix.
-        first, last: UTC of the first and last one.
-    """
+    """A solution: the `.pos` file, number of positions by kind of fix, UTC of the first and the last one."""
 
     path: Path
     epochs: int

@@ -34,13 +34,7 @@ _PIECE: Final = 1 << 16
 
 @dataclass(frozen=True)
 class GnssSource:
-    """Where a receiver is found.
-
-    Attributes:
-        kind: "serial", "tcp" or "udp".
-        name: device or host; of UDP the address to listen at, empty for all.
-        number: baud, or port.
-    """
+    """Where a receiver is: "serial" by device and baud, "tcp" or "udp" by host ("" for all of UDP) and port."""
 
     kind: str
     name: str

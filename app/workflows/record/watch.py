@@ -30,13 +30,7 @@ JUMP_S: Final = 0.1
 
 @dataclass(frozen=True)
 class Status:
-    """A recording at one moment.
-
-    Attributes:
-        values: as in `status.json`.
-        summary: one line.
-        warnings: those that hold, by a name of their own.
-    """
+    """A recording at one moment: values as in `status.json`, one line, and the warnings that hold, by name."""
 
     values: Mapping[str, Any]
     summary: Notice

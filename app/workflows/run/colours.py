@@ -34,11 +34,8 @@ NOT_COLOURED: Final = np.array([PointClass.NOISE, PointClass.VEHICLE, PointClass
 class ColourFigures:
     """Figures of the colours for the report.
 
-    Attributes:
-        unseen: points that no frame sees.
-        left_out: points of the machine and noise.
-        corner: share of the light that is lost in the corners of the images.
-        gain: standard deviation of the logarithms of the frames' exposures.
+    `unseen` and `left_out` are points that no frame sees, and those of the machine and noise; `corner` is the share of
+    the light that is lost in the corners; `gain` the standard deviation of the logarithms of the frames' exposures.
     """
 
     frames: int

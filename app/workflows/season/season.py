@@ -73,14 +73,7 @@ class SeasonPlan:
 
 @dataclass(frozen=True)
 class Planned:
-    """A part of a season.
-
-    Attributes:
-        kind: "dsm", "change", "coverage", "points" or "trajectories".
-        place: of its files, relative to the season's folder.
-        key: of all that decides its content.
-        tile: column and row of a tile; None for a table.
-    """
+    """A part of a season: its kind, place of its files, key of its content, column and row if it is a tile."""
 
     part: Part
     kind: str

@@ -27,13 +27,7 @@ TABLE_BATCH_POINTS: Final = 500_000
 
 @dataclass(frozen=True)
 class MosaicTile:
-    """A tile of a mosaic to be written.
-
-    Attributes:
-        crs: of the mosaic as WKT, with heights where its values are heights.
-        bands: to write, by their descriptions; empty for the coverage.
-        sources: surfaces, or results with worked ground, in the order of their sessions.
-    """
+    """A tile of a mosaic: CRS as WKT, bands by description (none for coverage), and sources in order of sessions."""
 
     out: Path
     grid: Grid
