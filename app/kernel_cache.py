@@ -5,8 +5,6 @@ what it calls and the constants it uses from other modules, and copies of the sa
 another checkout, of an installation, of the last version.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re
@@ -29,7 +27,7 @@ class KernelCacheLocator:
         self._line, self._folder = function.__code__.co_firstlineno, folder
 
     @classmethod
-    def from_function(cls, function: Any, file: str) -> KernelCacheLocator | None:
+    def from_function(cls, function: Any, file: str) -> "KernelCacheLocator | None":
         """The locator of a kernel in a file; None if it is not of furrowmap, or where nothing can be written."""
         if not function.__module__.startswith(_PACKAGE):
             return None

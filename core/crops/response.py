@@ -1,7 +1,5 @@
 """Doses of parcels, the response curve of a trial, and analysis of variance by treatment and block."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -81,7 +79,7 @@ class Observations:
     squares: float
 
     @classmethod
-    def sum_up(cls, dose: FloatArray, height: FloatArray, block: IntArray) -> Observations:
+    def sum_up(cls, dose: FloatArray, height: FloatArray, block: IntArray) -> "Observations":
         """The sums of observations (n,), with blocks numbered from 0 without gaps."""
         doses, index = np.unique(dose, return_inverse=True)
         shape = (int(block.max(initial=0)) + 1, len(doses))

@@ -1,7 +1,5 @@
 """Bare soil around parcels as cells of median heights, and the soil under a parcel by kriging of these cells."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -56,15 +54,15 @@ class SoilCells:
     def __len__(self) -> int:
         return len(self.height_m)
 
-    def at(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> SoilCells:
+    def at(self, kept: NDArray[np.bool_] | NDArray[np.intp]) -> "SoilCells":
         """Some of the cells, by a mask (n,) or by their numbers."""
         return SoilCells(self.xy_m[kept], self.height_m[kept], self.sigma_m[kept])
 
-    def thinned(self, most: int) -> SoilCells:
+    def thinned(self, most: int) -> "SoilCells":
         """At most so many of the cells, evenly chosen."""
         return self if len(self) <= most else self.at(np.linspace(0, len(self) - 1, most).round().astype(np.intp))
 
-    def nearest(self, parcel: Parcel) -> SoilCells:
+    def nearest(self, parcel: Parcel) -> "SoilCells":
         """The cells nearest to a net parcel, at most `MAX_SOIL_CELLS`."""
         if len(self) <= MAX_SOIL_CELLS:
             return self

@@ -6,8 +6,6 @@ good part of its height, is a piece of a face; its normal is the direction in wh
 crops fill their columns and are neither.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -71,7 +69,7 @@ class Upright:
     def __len__(self) -> int:
         return len(self.xy_m)
 
-    def at(self, which: NDArray[np.bool_] | IntArray) -> Upright:
+    def at(self, which: NDArray[np.bool_] | IntArray) -> "Upright":
         """Some of them."""
         return Upright(self.xy_m[which], self.normal[which], self.sigma_m[which])
 
@@ -188,7 +186,7 @@ class UprightTie:
     used_m: FloatArray
     moved_m: FloatArray
 
-    def all_moved(self) -> UprightTie:
+    def all_moved(self) -> "UprightTie":
         """A tie in which all of them moved, and none counts."""
         moved = np.concatenate([self.used_m, self.moved_m])
         return UprightTie(np.zeros(3), np.zeros((3, 3)), np.zeros((0, 2)), moved)

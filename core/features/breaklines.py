@@ -7,8 +7,6 @@ N. Pfeifer (2011), Digital terrain models from airborne laser scanning for the a
 anthropogenic linear structures, Developments in Earth Surface Processes 15, 475-488.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -62,12 +60,12 @@ class BreakPoints:
     def __len__(self) -> int:
         return len(self.concave)
 
-    def where(self, kept: NDArray[np.bool_]) -> BreakPoints:
+    def where(self, kept: NDArray[np.bool_]) -> "BreakPoints":
         """Some of them."""
         return BreakPoints(self.xyz_m[kept], self.concave[kept], self.depth_m[kept])
 
     @classmethod
-    def joined(cls, parts: list[BreakPoints]) -> BreakPoints:
+    def joined(cls, parts: "list[BreakPoints]") -> "BreakPoints":
         """Those of all parts."""
         every = [cls(np.zeros((0, 3)), np.zeros(0, bool), np.zeros(0)), *parts]
         return cls(*(np.concatenate([getattr(part, name) for part in every]) for name in vars(every[0])))

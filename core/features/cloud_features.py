@@ -1,7 +1,5 @@
 """Features of clouds of any size, tile by tile in bounded memory."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -61,7 +59,7 @@ class FoundFeatures:
     breaks: list[BreakPoints] = field(default_factory=list)
     points: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Feature), np.int64))
 
-    def add(self, other: FoundFeatures) -> None:
+    def add(self, other: "FoundFeatures") -> None:
         """Add what another tile holds."""
         for name in ("planes", "lines", "plants", "breaks"):
             getattr(self, name).extend(getattr(other, name))

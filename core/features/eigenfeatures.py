@@ -5,8 +5,6 @@ ISPRS Archives XXXVIII-5/W12, 97-102, and T. Hackel, J. D. Wegner, K. Schindler 
 unstructured 3D point clouds, CVPR, 1610-1618.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -49,7 +47,7 @@ class Eigenfeatures:
         """(λ2 - λ3) / λ1: 1 on a plane seen all round."""
         return self._ratio(self.eigenvalue_m2[:, 1] - self.eigenvalue_m2[:, 2])
 
-    def at(self, index: NDArray[np.integer]) -> Eigenfeatures:
+    def at(self, index: NDArray[np.integer]) -> "Eigenfeatures":
         """Those of some neighbourhoods."""
         return Eigenfeatures(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 

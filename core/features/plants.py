@@ -1,7 +1,5 @@
 """Plants: clusters of scatter points, parted at the saddles between their tops."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -34,7 +32,7 @@ class Plants:
         return len(self.height_m)
 
     @classmethod
-    def none(cls) -> Plants:
+    def none(cls) -> "Plants":
         """No plants."""
         return cls(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
 

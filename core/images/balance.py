@@ -4,8 +4,6 @@ The level of a channel is taken for the product of the ground's brightness, a ga
 function of the distance from the middle of the image (Goldman and Chen 2005); in logarithms they add up.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -42,7 +40,7 @@ class Balance:
     vignetting: FloatArray
 
     @classmethod
-    def none(cls, count: int) -> Balance:
+    def none(cls, count: int) -> "Balance":
         """No differences between `count` frames, and no vignetting."""
         return cls(np.zeros((count, 3)), np.zeros(3))
 

@@ -1,7 +1,5 @@
 """Colours of points from the frames that see them."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
@@ -51,7 +49,7 @@ class ColourMaker:
             kept = np.concatenate(self._samples)[::2]
             self._samples, self._count, self._every = [kept], len(kept), 2 * self._every
 
-    def finish(self, notices: list[Notice], progress: Progress = silent) -> Colours:
+    def finish(self, notices: list[Notice], progress: Progress = silent) -> "Colours":
         """What colours the points; the maker cannot be used any more.
 
         Args:

@@ -1,7 +1,5 @@
 """Frames: images whose camera and pose are known."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -42,7 +40,7 @@ class FramePoses:
         known: NDArray[np.bool_] = np.isfinite(self.xyz_m[:, 0])
         return known
 
-    def selected(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> FramePoses:
+    def selected(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> "FramePoses":
         """Some of the poses, by a mask (n,) or their indices."""
         return FramePoses(self.t_s[index], self.xyz_m[index], self.rotation[index], self.scale)
 
@@ -91,7 +89,7 @@ class Frames:
     def __len__(self) -> int:
         return len(self.paths)
 
-    def selected(self, which: NDArray[np.bool_] | Sequence[int]) -> Frames:
+    def selected(self, which: NDArray[np.bool_] | Sequence[int]) -> "Frames":
         """Some of the frames, by a mask (n,) or their increasing indices."""
         index = np.arange(len(self))[np.asarray(which)]
         return Frames(tuple(self.paths[k] for k in index), self.camera, self.poses.selected(index))

@@ -1,7 +1,5 @@
 """Points that are seen in several images."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -89,7 +87,7 @@ class Ties:
         """Number of points."""
         return int(self.point[-1]) + 1 if len(self.point) else 0
 
-    def chosen(self, which: NDArray[np.bool_]) -> Ties:
+    def chosen(self, which: NDArray[np.bool_]) -> "Ties":
         """Some of the observations (o,), of points that are still seen at least twice."""
         seen = np.bincount(self.point[which], minlength=self.points)
         keep = which & (seen[self.point] >= 2)

@@ -5,8 +5,6 @@ on the visibility of point sets see Katz et al. 2007). The cells of a depth map 
 surfaces in view are dense, so that surfaces are closed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -60,7 +58,7 @@ class FrameView:
     size: FloatArray
 
     @classmethod
-    def from_frames(cls, frames: Frames, origin_m: tuple[float, float, float]) -> FrameView:
+    def from_frames(cls, frames: Frames, origin_m: tuple[float, float, float]) -> "FrameView":
         """The view of frames."""
         from furrowmap.core.images.projection import unproject
 

@@ -1,7 +1,5 @@
 """Scans placed in the map frame one after another, and what is counted on the way."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -179,7 +177,7 @@ class Placement:
     points_of: tuple[int, ...] = ()
 
     @classmethod
-    def without_scans(cls, trajectory: Trajectory) -> Placement:
+    def without_scans(cls, trajectory: Trajectory) -> "Placement":
         """No scans, and the poses of a trajectory's knots."""
         first_s, last_s = trajectory.span_s
         return cls(first_s=first_s, last_s=last_s, poses=ScanPoses.at_knots(trajectory))

@@ -1,7 +1,5 @@
 """Grids of square cells anchored to a CRS, and surfaces on them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final, Self
@@ -110,7 +108,7 @@ class Grid:
         south, east = (self.north - self.rows) // factor, -(-(self.west + self.columns) // factor)
         return type(self)(self.cell_m * factor, west, north, (north - south, east - west))
 
-    def window_in(self, other: Grid) -> tuple[slice, slice]:
+    def window_in(self, other: "Grid") -> tuple[slice, slice]:
         """Rows and columns of this grid within `other`. Raises ValueError if that does not cover it cell by cell."""
         row, column = other.north - self.north, self.west - other.west
         fits = 0 <= row <= other.rows - self.rows and 0 <= column <= other.columns - self.columns

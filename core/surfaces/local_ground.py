@@ -5,8 +5,6 @@ with a reservoir, ACM Transactions on Mathematical Software 11, 37-57, algorithm
 of the cell unless the morphological filter rejects it; points are then classified by their height above that ground.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -77,7 +75,7 @@ class GroundSampler:
             window[column, row] = self._slot((int(corner[0]) + column, int(corner[1]) + row), float(middle_m[2]))
         _draw(xyz_m, kept, corner, window, self._base_m, self._samples, self._counts)
 
-    def ground(self) -> LocalGround:
+    def ground(self) -> "LocalGround":
         """The ground from all points so far."""
         blocks: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for key in self._slots:

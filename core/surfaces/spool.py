@@ -1,7 +1,5 @@
 """Points sorted into square tiles in a temporary file, so that memory does not grow with a surface."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -45,7 +43,7 @@ class TilePoints:
     base_m: float
     begin_s: float
 
-    def part(self, kept: NDArray[np.bool_]) -> TilePoints:
+    def part(self, kept: NDArray[np.bool_]) -> "TilePoints":
         """A subset of the points."""
         arrays = self.cell[kept], self.height_m[kept], self.t_s[kept]
         return TilePoints(self.grid, *arrays, self.base_m, self.begin_s)

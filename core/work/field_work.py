@@ -1,7 +1,5 @@
 """The implements in a run: detection, tracking, its path and events, working depth and worked ground."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -235,10 +233,10 @@ class FieldWork:
     state_comparison: StateComparison | None = None
     tool: str = ""
     scanner: int = 0
-    others: tuple[FieldWork, ...] = ()
+    others: "tuple[FieldWork, ...]" = ()
 
     @property
-    def each(self) -> tuple[FieldWork, ...]:
+    def each(self) -> "tuple[FieldWork, ...]":
         """Of every implement, that which moves the soil first."""
         return (self, *self.others)
 

@@ -4,8 +4,6 @@ The body of the vehicle appears at constant ranges in every scan. The implement 
 down with it, and occupies all voxels between its working and its lifted position.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -81,7 +79,7 @@ def _alone(xyz_m, laser, column, image):  # type: ignore[no-untyped-def]
     return out
 
 
-def classifier(*machines: MachineVoxels | None) -> Callable[[Scan], NDArray[np.uint8]]:
+def classifier(*machines: "MachineVoxels | None") -> Callable[[Scan], NDArray[np.uint8]]:
     """A function from a scan to the classes (n,) uint8 of its points.
 
     They are VEHICLE, IMPLEMENT, NOISE, else OTHER. `machines` is None for one that is not known.

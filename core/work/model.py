@@ -1,7 +1,5 @@
 """The detected implement: where it is seen, its shape and its travel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -47,7 +45,7 @@ class SideTemplate:
     odds: NDArray[np.float32]
 
     @classmethod
-    def from_views(cls, grid: SideViewGrid, views: NDArray[np.float64]) -> SideTemplate:
+    def from_views(cls, grid: SideViewGrid, views: NDArray[np.float64]) -> "SideTemplate":
         """The template from weights (columns, rows) of the points of the tool."""
         total = float(views.sum())
         if total <= 0.0:

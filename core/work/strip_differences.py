@@ -1,7 +1,5 @@
 """Height differences between the strips of a flight over the same ground, with the mounting as stated and as found."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -55,7 +53,7 @@ class StripDifferences:
         """The pairs of strips that see some ground together."""
         return [(int(a), int(b)) for a, b in np.unique(np.column_stack([self.strip_a, self.strip_b]), axis=0)]
 
-    def of_pair(self, pair: tuple[int, int]) -> StripDifferences:
+    def of_pair(self, pair: tuple[int, int]) -> "StripDifferences":
         """The differences of one pair."""
         return self._part((self.strip_a == pair[0]) & (self.strip_b == pair[1]))
 
@@ -87,7 +85,7 @@ class StripDifferences:
             "pairs": rows,
         }
 
-    def _part(self, chosen: NDArray[np.bool_]) -> StripDifferences:
+    def _part(self, chosen: NDArray[np.bool_]) -> "StripDifferences":
         arrays = {name: value[chosen] for name, value in vars(self).items() if name != "cell_m"}
         return replace(self, **arrays)
 

@@ -1,7 +1,5 @@
 """Candidate points of the implement in each scan: above the ground, within the search region."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -92,7 +90,7 @@ class Views:
     def __len__(self) -> int:
         return len(self.scans)
 
-    def subset(self, numbers: NDArray[np.intp]) -> Views:
+    def subset(self, numbers: NDArray[np.intp]) -> "Views":
         """A subset of the scans."""
         chosen = numbers.tolist()
         scans, images, views = ([values[k] for k in chosen] for values in (self.scans, self.images, self.views))

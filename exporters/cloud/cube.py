@@ -1,7 +1,5 @@
 """Cubes and their cells, in steps of the coordinates."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -31,7 +29,7 @@ class Cube:
     bits: int
 
     @classmethod
-    def around(cls, low: NDArray[np.int64], high: NDArray[np.int64]) -> Cube:
+    def around(cls, low: NDArray[np.int64], high: NDArray[np.int64]) -> "Cube":
         """The smallest cube around points from `low` to `high`, of at least a step for each cell.
 
         They are centred along x and y but at its bottom, so that flat ground does not straddle cells.
@@ -56,7 +54,7 @@ class Cube:
         lowest, highest = self.corners
         return bool((low >= lowest).all() and (high <= highest).all())
 
-    def doubled(self, low: NDArray[np.int64]) -> tuple[Cube, int]:
+    def doubled(self, low: NDArray[np.int64]) -> "tuple[Cube, int]":
         """A cube of twice the side, extended towards `low` or upward; and which of its eight this one is."""
         octant, origin = 0, list(self.origin)
         for axis in range(3):
@@ -65,7 +63,7 @@ class Cube:
                 octant |= 1 << axis
         return Cube((origin[0], origin[1], origin[2]), self.bits + 1), octant
 
-    def cell(self, depth: int, code: int) -> Cube:
+    def cell(self, depth: int, code: int) -> "Cube":
         """The cube of a cell."""
         bits = self.bits - depth
         x, y, z = places(depth, code)

@@ -1,7 +1,5 @@
 """Sorting records into the nodes of an octree, in bounded memory; each point's level is random."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -31,7 +29,7 @@ class Key(NamedTuple):
     y: int
     z: int
 
-    def below(self, depth: int, code: int) -> Key:
+    def below(self, depth: int, code: int) -> "Key":
         """The node of a cell of this node's cube."""
         x, y, z = places(depth, code)
         return Key(self.level + depth, (self.x << depth) + x, (self.y << depth) + y, (self.z << depth) + z)

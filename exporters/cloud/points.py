@@ -1,7 +1,5 @@
 """Batches of points, and packing them into records."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -52,7 +50,7 @@ class PointBatch:
     def __len__(self) -> int:
         return len(self.t_s)
 
-    def part(self, start: int, stop: int) -> PointBatch:
+    def part(self, start: int, stop: int) -> "PointBatch":
         """The points from `start` up to but without `stop`."""
         own = {name: _sliced(value, start, stop) for name, value in vars(self).items() if name != "extra"}
         return PointBatch(**own, extra={name: _sliced(v, start, stop) for name, v in self.extra.items()})
@@ -82,11 +80,11 @@ class Extent:
     extra: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
-    def at_origin(cls) -> Extent:
+    def at_origin(cls) -> "Extent":
         """The extent of a file without points."""
         return cls(0, np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(RETURNS, np.int64), 0.0, 0.0)
 
-    def joined(self, other: Extent) -> Extent:
+    def joined(self, other: "Extent") -> "Extent":
         """The extent of the points of both."""
         ends = {name: (*self.extra.get(name, ()), *other.extra.get(name, ())) for name in {**self.extra, **other.extra}}
         return Extent(

@@ -1,7 +1,5 @@
 """A farm map in a GeoPackage; :mod:`.postgis` has the same operations."""
 
-from __future__ import annotations
-
 import getpass
 import hashlib
 import os
@@ -172,7 +170,7 @@ _NUMPY_TYPES: Final = {
 
 
 @contextmanager
-def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = silent) -> Iterator[GeopackageEdit]:
+def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = silent) -> "Iterator[GeopackageEdit]":
     """Change the farm map at `path`, as a whole or not at all.
 
     The first change copies the file; the changed copy replaces it at the end. A program that opens the file meanwhile,

@@ -1,7 +1,5 @@
 """A farm map in PostGIS, which several people can share; :mod:`.geopackage` has the same operations."""
 
-from __future__ import annotations
-
 import datetime as dt
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -107,7 +105,7 @@ _SQL_TYPES: Final = {
 
 
 @contextmanager
-def postgis_edit(target: str, *, create: bool = False, schema: str = "furrowmap") -> Iterator[PostgisEdit]:
+def postgis_edit(target: str, *, create: bool = False, schema: str = "furrowmap") -> "Iterator[PostgisEdit]":
     """Change the farm map in a database within one transaction; other processes of furrowmap wait."""
     with connected(target) as connection, connection.transaction():
         connection.execute(SQL("SET LOCAL lock_timeout = {}").format(_PATIENCE))

@@ -1,7 +1,5 @@
 """The results of `furrowmap run` and of `furrowmap fields` as a farm map takes them: sessions with their layers."""
 
-from __future__ import annotations
-
 import datetime as dt
 import hashlib
 import json
@@ -78,7 +76,7 @@ class SessionResult:
     folder: Path
     layers: tuple[Layer, ...]
 
-    def in_crs(self, target: CRS) -> tuple[SessionResult, tuple[Notice, ...]]:
+    def in_crs(self, target: CRS) -> "tuple[SessionResult, tuple[Notice, ...]]":
         """The session with its horizontal coordinates in another CRS; heights and figures are unchanged."""
         if self.crs.equals(target, ignore_axis_order=True):
             return self, ()

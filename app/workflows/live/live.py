@@ -1,7 +1,5 @@
 """Watch a session while it is recorded: the loop from packets to the page and the outlets."""
 
-from __future__ import annotations
-
 import json
 import math
 import time
@@ -167,7 +165,7 @@ def live(
         return watch.summary()
 
 
-def _opened(file: Path, outlets: Outlets, stop: Event) -> OpenSession | None:
+def _opened(file: Path, outlets: "Outlets", stop: Event) -> OpenSession | None:
     """The session, as soon as the recorder has written it and knows where it is; None if stopped before."""
     while not stop.is_set():
         try:

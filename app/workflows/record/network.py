@@ -1,7 +1,5 @@
 """UDP packets of scanners, received without loss, as records of captures."""
 
-from __future__ import annotations
-
 import selectors
 import socket
 import struct
@@ -56,7 +54,7 @@ class Port:
     dropped: int | None = None
 
     @classmethod
-    def open(cls, number: int, scanner: int = 0) -> Port:
+    def open(cls, number: int, scanner: int = 0) -> "Port":
         """Listen to a port. Raises RefusedError if another program does, or the system forbids it."""
         opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:

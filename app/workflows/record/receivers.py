@@ -1,7 +1,5 @@
 """GNSS receivers at serial devices, TCP servers and UDP ports: their bytes as they arrive."""
 
-from __future__ import annotations
-
 import os
 import re
 import select
@@ -41,7 +39,7 @@ class GnssSource:
     number: int
 
     @classmethod
-    def parse(cls, text: str) -> GnssSource:
+    def parse(cls, text: str) -> "GnssSource":
         """The place in a text: DEVICE, DEVICE:BAUD, tcp://HOST:PORT or udp://:PORT. Raises UsageError."""
         network, serial = _NETWORK.fullmatch(text), _SERIAL_SOURCE.fullmatch(text)
         if network and 0 < int(network[3]) < 1 << 16 and (network[2] or network[1] == "udp"):

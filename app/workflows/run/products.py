@@ -1,7 +1,5 @@
 """The products of a run: what takes its points and frames, and writes cloud, surfaces, layers and report."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterator, Sequence
@@ -110,7 +108,7 @@ def open_products(
     origin_m: tuple[float, float, float],
     frames: Frames | None,
     parcels: ParcelPoints | None,
-) -> Iterator[RunProducts]:
+) -> "Iterator[RunProducts]":
     """What makes cloud, surfaces and parcels of the points of a run, in a folder; arguments as of a pipeline's sink."""
     session = opened.session
     flies = (session.imu is not None or session.attitude is not None) and session.implement is None
@@ -131,7 +129,7 @@ class RunProducts:
     opened: OpenSession
     staging: Path
     origin_m: tuple[float, float, float]
-    cloud: RunCloud
+    cloud: "RunCloud"
     land: FieldPoints
     colours: RunColours | None
     parcels: ParcelPoints | None
@@ -307,7 +305,7 @@ def open_cloud(
     colours: RunColours | None,
     *,
     several_scanners: bool = False,
-) -> Iterator[RunCloud]:
+) -> "Iterator[RunCloud]":
     """The cloud in a file, coordinates against a local origin; with `colours` its points get theirs.
 
     Points of several scanners have the number of theirs. A thread packs the points and sorts those that exceed the

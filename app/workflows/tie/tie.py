@@ -1,7 +1,5 @@
 """Dates of one field tied to each other, and the change between them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -93,7 +91,7 @@ class _Work:
     """As left, and before the work."""
     middle_m: FloatArray
     crs: CRS
-    reference: Reference | None = None
+    reference: "Reference | None" = None
     upright: list[Upright] = field(default_factory=list)
     """What stands, by date."""
     ties: dict[tuple[int, int], PairTie] = field(default_factory=dict)
