@@ -36,9 +36,9 @@ def atomic_output(path: Path) -> Iterator[Path]:
     `path` is unchanged. Files that a killed process of this machine left in the folder are removed first. In a staging
     folder nothing is flushed here: its files are, together, before they become products.
 
-    It is given the path to write to: hidden, in the same folder, short, with the last suffix of `path`. Other files that
-    a library creates under a name that begins the same are removed at the end. Raises RefusedError if another program
-    has `path` open, on Windows.
+    Yields the path to write to: hidden, in the same folder, short, with the last suffix of `path`. Other files that a
+    library creates under a name that begins the same are removed at the end. Raises RefusedError if another program has
+    `path` open, on Windows.
     """
     remove_abandoned(path.parent)
     unfinished = path.with_name(f".furrowmap-{Owner.here().words()}-{secrets.token_hex(4)}{path.suffix[:16]}")
