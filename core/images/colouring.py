@@ -192,19 +192,6 @@ class Colours:
         )
         return rgb, frame
 
-    def blended(self, xyz_m: FloatArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """The colour of each point blended from all frames that see it, mostly from the best one.
-
-        Args:
-            xyz_m: (n, 3) against the local origin; nan for no point.
-
-        Returns:
-            (3, n) float32 red, green, blue, 0 to 255; (n,) whether any frame sees it.
-        """
-        rgb, seen = np.zeros((3, len(xyz_m)), np.float32), np.zeros(len(xyz_m), np.bool_)
-        blended_colours(np.ascontiguousarray(xyz_m, np.float64), *self.arguments, rgb, seen)
-        return rgb, seen
-
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What the kernels take after the points: view, depth maps, index, pixels, last factors and vignetting."""
@@ -301,37 +288,89 @@ def best_colours(  # type: ignore[no-untyped-def]
 
 @kernel()
 def blended_colours(  # type: ignore[no-untyped-def]
-    xyz, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
+    height, begin, pixels_across, place, pixel_m, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
     corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out, seen,
 ):  # fmt: skip
-    """Kernel of :meth:`Colours.blended`."""
-    for i in range(len(xyz)):
-        if not np.isfinite(xyz[i, 2]):
-            continue
-        cell = cell_of(xyz[i], corner, cell_m, columns, len(start) - 1)
-        total = 0.0
-        for at in range(start[cell], start[cell + 1]):
-            k = listed[at]
-            if not usable[k]:
+    """Kernel of :func:`~furrowmap.core.images.orthophoto.orthophoto`.
+
+    Frames are looked at from the middle of each cell of the surface; pixels within it follow by derivatives.
+
+    Args:
+        begin: row and column of the first cell of `out` in `height`.
+        pixels_across: a cell.
+        place: easting and northing of the upper left corner of `out`, and zero of `height`, as `centre` has them.
+    """
+    xyz, step, middle = np.empty(3), np.empty((3, 2)), 0.5 * (pixels_across - 1.0)
+    rise, rgb = np.empty((pixels_across, pixels_across)), np.empty((pixels_across, pixels_across, 3))
+    for row in range(seen.shape[0] // pixels_across):
+        for column in range(seen.shape[1] // pixels_across):
+            own = height[begin[0] + row, begin[1] + column]
+            xyz[0] = place[0] + (column + 0.5) * pixels_across * pixel_m
+            xyz[1] = place[1] - (row + 0.5) * pixels_across * pixel_m
+            xyz[2] = own + place[2]
+            cell = cell_of(xyz, corner, cell_m, columns, len(start) - 1)
+            if not np.isfinite(own) or start[cell] == start[cell + 1]:
                 continue
-            x, y, z = direction(xyz[i], centre, matrix, k)
-            square = x * x + y * y
-            if not (z > MIN_DISTANCE_M and square <= widest * widest):
-                continue
-            u, v = pixel_of(intrinsics, x, y)
-            if not is_seen(u, v, z, size, depth, slack, cell_px, k):
-                continue
-            # It fades out towards the border of the image, where a frame begins or ends.
-            edge = min(min(u, size[0] - 1.0 - u) / size[0], min(v, size[1] - 1.0 - v) / size[1])
-            weight = min(1.0, 20.0 * edge) / (z * (1.0 + OFF_AXIS * square)) ** SHARPNESS
-            bright = weight * np.exp(-darkening(u, v, size, vignetting))
-            for channel in range(3):
-                out[channel, i] += np.float32(level(pixels, k, u, v, reduction, channel) * bright * factor[k, channel])
-            total += weight
-        if total > 0.0:
-            seen[i] = True
-            for channel in range(3):
-                out[channel, i] = np.float32(min(out[channel, i] / total, 255.0))
+            rise_within(height, begin[0] + row, begin[1] + column, rise)
+            total = 0.0
+            rgb[:] = 0.0
+            for at in range(start[cell], start[cell + 1]):
+                k = listed[at]
+                if not usable[k]:
+                    continue
+                x, y, z = direction(xyz, centre, matrix, k)
+                square = x * x + y * y
+                if not (z > MIN_DISTANCE_M and square <= widest * widest):
+                    continue
+                u, v = pixel_of(intrinsics, x, y)
+                if not is_seen(u, v, z, size, depth, slack, cell_px, k):
+                    continue
+                # It fades out towards the border of the image, where a frame begins or ends.
+                edge = min(min(u, size[0] - 1.0 - u) / size[0], min(v, size[1] - 1.0 - v) / size[1])
+                weight = min(1.0, 20.0 * edge) / (z * (1.0 + OFF_AXIS * square)) ** SHARPNESS
+                bright = weight * np.exp(-darkening(u, v, size, vignetting))
+                total += weight
+                for axis in range(3):
+                    ahead = z + matrix[k, 2, axis] * pixel_m
+                    to_x, to_y = x * z + matrix[k, 0, axis] * pixel_m, y * z + matrix[k, 1, axis] * pixel_m
+                    next_u, next_v = pixel_of(intrinsics, to_x / ahead, to_y / ahead)
+                    step[axis, 0], step[axis, 1] = next_u - u, next_v - v
+                for a in range(pixels_across):
+                    for b in range(pixels_across):
+                        e, n, h = b - middle, middle - a, rise[a, b] / pixel_m
+                        at_u = u + e * step[0, 0] + n * step[1, 0] + h * step[2, 0]
+                        at_v = v + e * step[0, 1] + n * step[1, 1] + h * step[2, 1]
+                        for channel in range(3):
+                            shown = level(pixels, k, at_u, at_v, reduction, channel)
+                            rgb[a, b, channel] += shown * bright * factor[k, channel]
+            if total > 0.0:
+                for a in range(pixels_across):
+                    for b in range(pixels_across):
+                        i, j = row * pixels_across + a, column * pixels_across + b
+                        seen[i, j] = True
+                        for channel in range(3):
+                            out[channel, i, j] = np.uint8(min(rgb[a, b, channel] / total, 255.0) + 0.5)
+
+
+@kernel()
+def rise_within(height, row, column, out):  # type: ignore[no-untyped-def]
+    """Heights of the pixels (n, n) of a cell above its own, linear between the middles of known cells."""
+    n = len(out)
+    for a in range(n):
+        down = (a + 0.5) / n - 0.5
+        next_row = min(max(row + (1 if down > 0.0 else -1), 0), height.shape[0] - 1)
+        for b in range(n):
+            right = (b + 0.5) / n - 0.5
+            next_column = min(max(column + (1 if right > 0.0 else -1), 0), height.shape[1] - 1)
+            known = sums = 0.0
+            for i in range(2):
+                for j in range(2):
+                    beside = height[next_row if i else row, next_column if j else column]
+                    if np.isfinite(beside):
+                        share = (abs(down) if i else 1.0 - abs(down)) * (abs(right) if j else 1.0 - abs(right))
+                        known += share
+                        sums += share * (beside - height[row, column])
+            out[a, b] = sums / known
 
 
 @kernel()

@@ -6,8 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.images.colouring import Colours
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.images.colouring import Colours, blended_colours
 from furrowmap.core.surfaces.grid import Grid
 
 FINER: Final = (5, 4, 2, 1)
@@ -49,8 +48,8 @@ def orthophoto(
 ) -> Orthophoto:
     """The true orthophoto of a part of a surface.
 
-    Heights between the middles of cells are interpolated linearly; where a cell has none there is no picture. Places
-    that are hidden in all frames have none either.
+    Heights between the middles of cells are interpolated linearly; where a cell has none there is no picture. Cells
+    whose middle is hidden in all frames have none either.
 
     Args:
         wide: the part and a margin of one cell, as far as the surface goes.
@@ -59,25 +58,8 @@ def orthophoto(
     """
     grid = finer_grid(part, factor)
     rows, columns = part.window_in(wide)
-    row = rows.start + (np.arange(grid.rows) + 0.5) / factor - 0.5
-    column = columns.start + (np.arange(grid.columns) + 0.5) / factor - 0.5
-    known = np.isfinite(height_m)
-    weight, sums = (
-        _between(_between(values, row).T, column).T
-        for values in (known.astype(np.float64), np.where(known, height_m, 0.0).astype(np.float64))
-    )
-    has = np.repeat(np.repeat(known[rows, columns], factor, axis=0), factor, axis=1)
-    height = np.where(has, sums / np.where(has, weight, 1.0) - origin_m[2], np.nan)
-    easting, northing = grid.centres_m()
-    xyz = np.empty((*grid.shape, 3))
-    xyz[..., 0], xyz[..., 1], xyz[..., 2] = easting - origin_m[0], (northing - origin_m[1])[:, None], height
-    rgb, seen = colours.blended(xyz.reshape(-1, 3))
-    return Orthophoto(grid, np.rint(rgb).astype(np.uint8).reshape(3, *grid.shape), seen.reshape(grid.shape))
-
-
-def _between(values: FloatArray, at: FloatArray) -> FloatArray:
-    """Rows (r, c) of values interpolated linearly at (n,) places between rows; beyond the first and last, these."""
-    before = np.clip(np.floor(at).astype(np.intp), 0, max(len(values) - 2, 0))
-    share = np.clip(at - before, 0.0, 1.0)[:, None]
-    out: FloatArray = (1.0 - share) * values[before] + share * values[np.minimum(before + 1, len(values) - 1)]
-    return out
+    rgb, seen = np.zeros((3, *grid.shape), np.uint8), np.zeros(grid.shape, np.bool_)
+    corner = np.array([grid.bounds_m[0], grid.bounds_m[3], 0.0]) - origin_m
+    begin = np.array([rows.start, columns.start])
+    blended_colours(height_m, begin, factor, corner, grid.cell_m, *colours.arguments, rgb, seen)
+    return Orthophoto(grid, rgb, seen)
