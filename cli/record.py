@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 STATUS_SHOWN_S: Final = 60.0
 """Between two lines of the status where standard error is no terminal."""
+VIEWER_ENDS_S: Final = 2.0
+"""The page ends with the recording, and had Ctrl-C of the terminal as well: only after this time it is told to."""
 
 
 @command(
@@ -113,13 +115,17 @@ def record(
 def _viewer(folder: Path) -> Iterator[None]:
     """Run `furrowmap live` beside; recording goes on whatever becomes of it."""
     folder.mkdir(parents=True, exist_ok=True)
+    (folder / "status.json").unlink(missing_ok=True)  # of an earlier recording, which ended
     command = [sys.executable, "-m", "furrowmap", "live", str(folder)]
     viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 (this interpreter)
     try:
         yield
     finally:
-        viewer.terminate()
-        viewer.wait()
+        try:
+            viewer.wait(VIEWER_ENDS_S)
+        except subprocess.TimeoutExpired:
+            viewer.terminate()
+            viewer.wait()
 
 
 def _numbers(text: str) -> tuple[int, ...]:

@@ -41,11 +41,13 @@ class ArrivedPackets:
 
     Attributes:
         maker: of the scanner; empty while no packet shows it.
+        unread: maker of a scanner whose packets no reader decodes; empty for none.
         lost: number of missing data packets.
         pps: state of the pulse per second in the last position packet; empty without one.
     """
 
     maker: str = ""
+    unread: str = ""
     lost: int = 0
     pps: str = ""
     _waiting: deque[tuple[bytearray, list[Packet]]] = field(default_factory=deque, repr=False)
@@ -86,6 +88,8 @@ class ArrivedPackets:
         if turned.any():
             self.maker = "Ouster"
             self._follow_turns(data, offset[turned], legacy=data_lengths()[int(length[turned][0])])
+        elif not self.maker:
+            self.unread = _unread_maker(data[offset[-1] : offset[-1] + length[-1]].tobytes())
 
     def _follow_spinning(
         self, maker: Maker, product: IntArray, data: ByteArray, offset: IntArray, length: IntArray, arrived_ns: IntArray
@@ -131,3 +135,10 @@ class ArrivedPackets:
         self._turn_packets = max([self._turn_packets, *packets.tolist()])
         self._arrived += int(packets.sum())
         self.lost = (self._turns or 0) * self._turn_packets - self._arrived
+
+
+def _unread_maker(payload: bytes) -> str:
+    """Livox (SDK2: version 0, then the length) or RoboSense (55 AA), by the beginning of a packet; else empty."""
+    if payload.startswith(b"\x55\xaa"):
+        return "RoboSense"
+    return "Livox" if payload[:1] == b"\0" and payload[1:3] == len(payload).to_bytes(2, "little") else ""

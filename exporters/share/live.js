@@ -183,9 +183,9 @@ function connect() {
     $("overlap").innerHTML = hectares(f.overlap_m2);
     $("missed").innerHTML = hectares(f.missed_m2);
     $("rate").innerHTML = f.rate_m2ps === null ? "–" : number(f.rate_m2ps * 0.36, 2) + " <small>ha/h</small>";
-    warnings = f.warnings;
+    warnings = f.warnings.map((warning) => warning[language]);
   });
-  on("waiting", (what) => { waiting = words.waiting.replace("{what}", what); });
+  on("waiting", (what) => { waiting = words.waiting.replace("{what}", what[language]); });
   source.onerror = () => { connected = false; if (source.readyState === EventSource.CLOSED) setTimeout(connect, 1000); };
 }
 let warnings = [];

@@ -16,7 +16,7 @@ from furrowmap.core.pipeline.live import LiveScan, LiveSession, warm_up
 from furrowmap.core.pipeline.live_difference import LIVE_LOG, LOGGED
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, UsageError
-from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.session.proposal import FILL_IN
 from furrowmap.core.values.gnss import GnssTrack
@@ -97,7 +97,9 @@ def live(
     on_scan: Callable[[dict[str, Any]], None] | None = None,
     stop: Event | None = None,
 ) -> LiveSummary:
-    """Watch a session while it is recorded, until the recorder ends or `stop` is set.
+    """Watch a session while it is recorded, until the recorder ends.
+
+    It ends before when `stop` is set, or with the KeyboardInterrupt of the main thread.
 
     Args:
         recording: the folder that `furrowmap record` writes; with `play` the session file of an earlier recording.
@@ -126,7 +128,8 @@ def live(
         open_background(Path(background)) if background is not None else None,
         on_scan,
     )
-    with ExitStack() as closing:
+    watch: LiveWatch | None = None
+    with suppress(KeyboardInterrupt), ExitStack() as closing:
         if outlets.mqtt is not None:
             closing.callback(outlets.mqtt.close)
         try:
@@ -162,7 +165,7 @@ def live(
                 watch.take(piece.data, piece.due_s, feed.status)
             else:
                 outlets.wait_for(piece.data)
-        return watch.summary()
+    return LiveSummary() if watch is None else watch.summary()
 
 
 def _opened(file: Path, outlets: "Outlets", stop: Event) -> OpenSession | None:
@@ -196,7 +199,7 @@ class Outlets:
 
     def wait_for(self, error: FurrowmapError) -> None:
         """Tell page and caller what is missing."""
-        self.page.publish(lambda: event("waiting", error.what))
+        self.page.publish(lambda: event("waiting", in_languages(error.what, error.code)))
         if self.on_scan is not None:
             self.on_scan({"waiting": error.what})
 
@@ -294,7 +297,8 @@ class LiveWatch:
         while self._areas[0][0] < seen.t_s - RATE_OVER_S:
             self._areas.popleft()
         fault = self._to.mqtt.fault if self._to.mqtt is not None else None
-        faults = [fault.text_in(language_of_user())] if fault is not None else []
+        warnings = [] if fault is None else [{"code": fault.code, "text": fault.text}]
+        warnings += status.get("warnings", ())
         first_s, first_m2 = self._areas[0]
         over_s = seen.t_s - first_s
         return {
@@ -304,8 +308,13 @@ class LiveWatch:
             "rate_m2ps": round((said.worked_m2 - first_m2) / over_s, 3) if over_s > 5.0 else None,
             "dropped": said.dropped,
             "lost_packets": said.lost_packets,
-            "warnings": [*faults, *(str(warning.get("text", "")) for warning in status.get("warnings", ()))][:5],
+            "warnings": [in_languages(warning["text"], warning["code"]) for warning in warnings[:5]],
         }
+
+
+def in_languages(text: str, code: str) -> dict[str, str]:
+    """A message by language, since the page is in that of its reader."""
+    return {language: translated(text, language, code) for language in LANGUAGES}
 
 
 def as_json(seen: LiveScan) -> dict[str, Any]:

@@ -16,8 +16,8 @@ from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.simulator.capture import HEADERS, frame_head
 from furrowmap.workflows.record.storage import Series, Storage
 
-USUAL_PORTS: Final = (2368, 8308, 10110, 7502, 7503, 56301, 56401)
-"""Of Velodyne and Hesai (data, positions of each), Ouster (data, IMU) and Livox (data, IMU)."""
+USUAL_PORTS: Final = (2368, 8308, 10110, 7502, 7503, 56301, 56401, 6699, 7788)
+"""Of Velodyne and Hesai (data, positions of each), Ouster and Livox (data, IMU), and RoboSense (data, settings)."""
 BUFFER_BYTES: Final = 8 << 20
 """Asked for each socket: seconds of a scanner, for moments in which this machine does something else."""
 AMPLE_BYTES: Final = 1 << 20

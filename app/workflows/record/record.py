@@ -202,7 +202,9 @@ class _Recording:
         place = next((each for each in status.values["gnss"] if math.isfinite(each["lon_deg"])), None)
         if self._crs is None and place is not None:
             self._crs = choose_crs(place["lon_deg"], place["lat_deg"])
-        senders = [sender for sender in list(watch.network.senders.values()) if sender.arrived.maker]
+        heard = list(watch.network.senders.values())
+        senders = [sender for sender in heard if sender.arrived.maker]
+        senders = senders or [sender for sender in heard if sender.arrived.unread]  # a run says what it cannot read
         text = self._text or self._session_there() or recorded_session(self._folder.resolve().name, self._machine)
         scanners = [each.series for each in senders if each.series.files]
         scanners.sort(key=lambda each: text.find(f'"{each.stem}-') % (len(text) + 1))

@@ -103,6 +103,7 @@ class Watch:
             "stem": sender.series.stem,
             "ports": sorted(sender.ports),
             "maker": sender.arrived.maker,
+            "unread_maker": sender.arrived.unread,
             "file": sender.series.files[-1] if sender.series.files else None,
             "packets": sender.packets,
             "packets_per_s": round((sender.packets - before) / max(now_s - self._looked_s, 1e-3)),
@@ -166,7 +167,10 @@ class Watch:
 
     def _of_scanners(self, scanners: Sequence[Mapping[str, Any]], now_s: float) -> Iterator[tuple[str, Notice]]:
         known = [scanner for scanner in scanners if scanner["maker"]]
-        if not known and self.network.ports and now_s - self._started_s > STREAM_SILENT_S:
+        unread = [scanner for scanner in scanners if scanner["unread_maker"]]
+        for scanner in unread:
+            yield scanner["address"], Notice("record-unread", source=scanner["address"], maker=scanner["unread_maker"])
+        if not known + unread and self.network.ports and now_s - self._started_s > STREAM_SILENT_S:
             ports = ", ".join(str(port.number) for port in self.network.ports)
             yield "", Notice("record-no-packets", ports=ports, others=", ".join(s["address"] for s in scanners) or None)
         for scanner in known:

@@ -24,7 +24,7 @@ from furrowmap.cli.main import command_line
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.pipeline.live_poses import LivePose
 from furrowmap.core.readers.arrived_scans import ScanStream
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.session.proposal import recorded_session
 from furrowmap.core.simulator.capture import frame_head
@@ -34,6 +34,7 @@ from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs, Recording
 from furrowmap.core.work.worked_cells import TILE_CELLS, WORKED, WorkedCells
 from furrowmap.workflows.live.feeds import FolderFeed
+from furrowmap.workflows.live.live import Outlets, in_languages
 from furrowmap.workflows.live.nmea import sentences
 from furrowmap.workflows.live.server import QUEUED_MESSAGES, Hub, Pictures, event, serve_lines, serve_page
 from furrowmap.workflows.record.network import PCAP_HEAD, PCAP_RECORD
@@ -218,6 +219,19 @@ def test_folder__whose_recorder_waits_for_its_sensors_is_waited_for(tmp_path: Pa
     waits = InputError("live-nothing-yet")
     assert "packets of the scanner" in waits.what
     assert said == [{"waiting": waits.what}] * 2
+
+
+def test_waiting_and_warnings__are_said_in_the_languages_of_readers() -> None:
+    hub = Hub()
+    joined = hub.join()
+    assert joined is not None
+    outlets, waits = Outlets(Pictures(), hub, Hub(), None, None, None), InputError("live-nothing-yet")
+    outlets.wait_for(waits)
+    said = json.loads(joined[1].get_nowait().decode().partition("data: ")[2])
+    assert said == {"en": waits.what, "ja": waits.lines_in("ja")[0]}
+    assert said["en"] != said["ja"]
+    silent = Notice("record-silent", source="192.168.1.201", age_s=3.0)  # as the recorder's status has it
+    assert in_languages(silent.text, silent.code) == {"en": silent.text, "ja": silent.text_in("ja")}
 
 
 def test_sources__that_cannot_be_used_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
