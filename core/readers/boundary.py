@@ -38,11 +38,8 @@ def read_fields(path: Path) -> list[FieldOutline]:
 
     A folder of AgOpenGPS is one field.
 
-    Projected coordinates are converted to longitude and latitude of the same datum; no datum is changed.
-
-    Raises:
-        InputError: if the file has another format, cannot be read, has no polygon, states no CRS, or one on a
-            historical datum.
+    Projected coordinates are converted to longitude and latitude of the same datum; no datum is changed. InputError if
+    the file has another format, cannot be read, has no polygon, states no CRS, or one on a historical datum.
     """
     if is_field_folder(path):
         return [FieldOutline(_texts((path.name,)), shapely.make_valid(read_outline(path, partial(_unreadable, path))))]

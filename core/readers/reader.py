@@ -104,11 +104,7 @@ class Reader(Protocol):
         ...
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains.
-
-        Raises:
-            InputError: if the file cannot be read.
-        """
+        """Read the whole first file and report what it contains; InputError if the file cannot be read."""
         ...
 
 

@@ -139,11 +139,7 @@ def as_furrowmap_error(raised: BaseException) -> FurrowmapError:
 
 @dataclass(frozen=True, init=False)
 class Notice:
-    """A warning about an input or a result that does not stop the work.
-
-    Raises:
-        KeyError: as for an error.
-    """
+    """A warning about an input or a result that does not stop the work; KeyError as for an error."""
 
     key: str
     values: tuple[tuple[str, Value], ...]

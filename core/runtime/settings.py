@@ -90,10 +90,7 @@ def threads() -> int:
     """Number of threads that a stage may use at once.
 
     The count in force; else that of the environment variable FURROWMAP_THREADS; else the processors that this process
-    may use, 8 at most.
-
-    Raises:
-        UsageError: if the environment variable is not an integer of at least 1.
+    may use, 8 at most. UsageError if the environment variable is not an integer of at least 1.
     """
     count = settings().threads
     if count is not None:

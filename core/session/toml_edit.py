@@ -22,10 +22,7 @@ def with_value(text: str, table: str, key: str, value: str, origin: str = "") ->
     replaces that of an earlier calibration.
 
     The table may be written as ``[table]``, ``table.key = …`` or ``table = { … }``; of several ``[[table]]`` it is the
-    first. Line ends are kept.
-
-    Raises:
-        RefusedError: if the table is written in another way.
+    first. Line ends are kept. RefusedError if the table is written in another way.
     """
     windows = "\r\n" in text
     plain = text.replace("\r\n", "\n")

@@ -56,9 +56,7 @@ class TaskDataLog(FileReader):
         """The positions of the task, or of all tasks in the order of time.
 
         Their standard deviations are those of their quality and what the vehicle goes in the error of their times.
-
-        Raises:
-            InputError: if there are none, or two tasks overlap in time.
+        InputError if there are none, or two tasks overlap in time.
         """
         tasks = self._tasks()
         columns = {name: np.concatenate([getattr(t.track, name) for t in tasks]) for name in GnssTrack.columns()}

@@ -103,10 +103,7 @@ def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
     """A time log from the content of its two files.
 
     After damage (a byte was lost or added), reading resumes at the next two plausible records in a row; a notice counts
-    the bytes between.
-
-    Raises:
-        InputError: if the header is invalid.
+    the bytes between. InputError if the header is invalid.
     """
     layout = read_header(header, name)
     data = np.frombuffer(records, np.uint8)

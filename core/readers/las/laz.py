@@ -186,10 +186,8 @@ def decode_chunks(
     """The records (n × bytes of one, flat) of the consecutive chunks `first` to `last` − 1, decoded in parallel.
 
     Damage within a chunk cannot be located, because it has no checksum: if the user allows damaged files, it is left
-    out as a whole, with a notice in `lost`, and the other chunks are decoded.
-
-    Raises:
-        InputError: if a chunk is found to be damaged, and the user does not allow that.
+    out as a whole, with a notice in `lost`, and the other chunks are decoded. InputError if a chunk is found to be
+    damaged, and the user does not allow that.
     """
     try:
         whole = [_decode(path, file, laz, first, last)]
@@ -232,10 +230,8 @@ def stream_points(
 ) -> Iterator[NDArray[np.uint8]]:
     """The records of the first `points`, decoded in sequence, `batch_points` at a time.
 
-    If the user allows damaged files, they end where damage is found, with a notice in `lost`.
-
-    Raises:
-        InputError: if a chunk is found to be damaged, and the user does not allow that.
+    If the user allows damaged files, they end where damage is found, with a notice in `lost`. InputError if a chunk is
+    found to be damaged, and the user does not allow that.
     """
     order = {"what": "stream", "path": str(path.resolve()), "offset": header.offset, "vlr": laz.vlr.hex()}
     done = 0

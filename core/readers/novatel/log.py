@@ -68,11 +68,7 @@ class NovatelLog(PositionLog):
         return 0.3 if counts.message_bytes >= MIN_INTACT_SHARE * max(len(head.data), 1) else 0.0
 
     def poses(self) -> PoseTrack:
-        """All poses of all files.
-
-        Raises:
-            InputError: if there are none, or too many are out of order.
-        """
+        """All poses of all files; InputError if there are none, or too many are out of order."""
         self.notices = []
         messages, _, _ = self._messages(self.paths)
         poses = _raw_poses(messages, recording_name(self.paths))

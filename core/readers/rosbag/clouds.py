@@ -84,11 +84,7 @@ class LineScans:
         ]
 
     def finish(self) -> list[Scan]:
-        """No scans: every message is a complete scan.
-
-        Raises:
-            InputError: if most ranges are implausible.
-        """
+        """No scans: every message is a complete scan; InputError if most ranges are implausible."""
         if self._far > self._points:
             raise mostly_invalid(self._source, self._far, self._far + self._points)
         return []
@@ -235,11 +231,7 @@ class CloudScans:
         return replace(scan, lasers=max(self._lasers, int(scan.laser.max()) + 1))
 
     def finish(self) -> list[Scan]:
-        """No scans: every message is a complete scan.
-
-        Raises:
-            InputError: if most points are invalid.
-        """
+        """No scans: every message is a complete scan; InputError if most points are invalid."""
         if sum(self._invalid.values()) > _MAX_INVALID_SHARE * self._points:
             raise InputError("points-mostly-invalid.finish", source=self._source, self=self._reasons())
         return []

@@ -30,10 +30,8 @@ _CUSTOM_BYTES: Final = 19
 def livox_cloud(data: bytes, encoding: str) -> Any:
     """The content of a serialised CustomMsg, with the attributes of a PointCloud2.
 
-    Times of points are nanoseconds from the message's stamp, which is that of the first point.
-
-    Raises:
-        Damage: if the bytes are not such a message.
+    Times of points are nanoseconds from the message's stamp, which is that of the first point. Damage if the bytes are
+    not such a message.
     """
     ros1 = encoding == "ros1"
     try:

@@ -66,11 +66,7 @@ class ImuLog(_RowLog):
     frame_id = ""
 
     def add(self, content: Any, message: BagMessage) -> None:
-        """Add one message.
-
-        Raises:
-            Damage: if its values are no numbers, or it states that a quantity was not measured.
-        """
+        """Add one message; Damage if its values are no numbers, or it states that a quantity was not measured."""
         for name, covariance in (
             ("angular velocity", content.angular_velocity_covariance),
             ("linear acceleration", content.linear_acceleration_covariance),
@@ -244,11 +240,7 @@ class FixLog(_RowLog):
     _columns = 9
 
     def add(self, content: Any, message: BagMessage) -> None:
-        """Add one message.
-
-        Raises:
-            Damage: if its coordinates are out of range.
-        """
+        """Add one message; Damage if its coordinates are out of range."""
         lat, lon, height = float(content.latitude), float(content.longitude), float(content.altitude)
         if abs(lat) > 90.0 or abs(lon) > 360.0:
             raise Damage(f"latitude {lat:g} or longitude {lon:g} is out of range")

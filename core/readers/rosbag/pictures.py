@@ -44,11 +44,7 @@ class ImageLog:
         self.encoding, self.size, self.left_out = "", "", 0
 
     def add(self, content: Any, message: BagMessage) -> None:
-        """Add one message.
-
-        Raises:
-            Damage: if its encoding is not supported, or its bytes are not such an image.
-        """
+        """Add one message; Damage if its encoding is not supported, or its bytes are not such an image."""
         at_s = stamp_s(content, message)
         if self._times and 0.0 <= at_s - self._times[-1][0] < self._every_s - _EARLY_S:
             self.left_out += 1

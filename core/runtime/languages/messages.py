@@ -136,10 +136,7 @@ def printed(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
     URLs in them have no passwords.
 
     A key that is not in the catalogue, such as of a reader in another package, takes its sentences themselves: `what`,
-    `meaning` and `remedy`, or `text`.
-
-    Raises:
-        KeyError: if a value is missing or belongs to no hole.
+    `meaning` and `remedy`, or `text`. KeyError if a value is missing or belongs to no hole.
     """
     if key not in templates("en") and values.keys() in ({*ERROR_PARTS}, {"text"}):
         return {part: str(text) for part, text in values.items()}
