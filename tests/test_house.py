@@ -95,22 +95,22 @@ BOUNDARIES = {
     "gzip": [],
     "tarfile": [],
     "pickle": [],
-    "sqlite3": ["core.readers.rosbag.db3", "workflows.live.background"],
+    "sqlite3": ["core.readers.rosbag.storage", "workflows.live.background"],
     "pmtiles": ["workflows.live.background"],
     "zipfile": [
         "workflows.share.qgis_plugin",  # writes alone
         "core.readers.isoxml.files",
         "core.readers.text_table",
-        "core.readers.zipped_layer",
+        "core.readers.text_table",
         "core.runtime.npz",
     ],
     "PIL": ["core.readers.exif"],
     "xml": ["core.readers.isoxml.xml"],
     "pyogrio": ["core.readers.vector_layer", "cli.main"],  # the latter: its version
-    "jgdtrans": ["core.geodesy.parameter_file"],
+    "jgdtrans": ["core.geodesy.projection"],
     "japan_geoid": ["core.geodesy.height_system"],
     "rasterio": [
-        *("core.readers.geotiff", "core.readers.las.crs", "core.readers.ouster.osf"),
+        *("core.readers.geotiff", "core.readers.las.cloud", "core.readers.ouster.osf"),
         "core.checking.surface_at_points",
         *("core.surfaces.terrain", "results", "workflows.clouds.rasters", "workflows.clouds.surface"),
         "cli.main",  # its version

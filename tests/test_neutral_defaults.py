@@ -20,8 +20,8 @@ EVERY_ONE: Final = {
     "app/workflows/calibrate/mount.py calibrate_mount(every)": 1,
     "app/settings.py _every(default)": 1,
     "core/adjustment/clock_offset.py _Trial.agreement(every)": 1,
-    "core/values/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
-    "core/values/plot_grid.py PlotGrid.block_size": 1,
+    "core/values/parcel.py PlotGrid.first": 1,  # plots are counted from 1
+    "core/values/parcel.py PlotGrid.block_size": 1,
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
     "app/workflows/live/feeds.py Growing.read(size)": -1,
     "app/workflows/live/live.py live(port)": 8080,
@@ -54,7 +54,7 @@ FACTORS: Final = {
     "core/simulator/path.py _straight(gear)": 1,  # forward
     "core/simulator/path.py _arc(gear)": 1,
     "core/simulator/path.py _turn.arc(gear)": 1,
-    "core/geodesy/parameter_file.py ParameterFile.from_map": True,
+    "core/geodesy/projection.py ParameterFile.from_map": True,
     "core/values/margins.py margin(factor)": 1.0,
     "core/values/margins.py with_margin(factor)": 1.0,
     "core/adjustment/consistency.py Seen.slow_times": 1.0,

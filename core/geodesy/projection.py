@@ -1,7 +1,16 @@
-"""The map frame of a session and its projection, also in a stated frame and epoch such as "itrf2020@2026.4"."""
+"""The map frame of a session and its projection, also in a stated frame and epoch such as "itrf2020@2026.4".
+
+Official correction parameters of Japan (GSI .par files) shift between epochs or datums, on a mesh. Geospatial
+Information Authority of Japan, semi-dynamic correction: the file of a fiscal year holds, on a mesh of 2.5' by 3.75',
+the ground motion since the reference epoch. Added to coordinates at the epoch of the map, interpolated bilinearly, it
+gives those at the current epoch. POS2JGD: steady crustal motion for a quarter of a year, for PPP and CLAS. The header
+states fields, period and both datums, but not the sign. It follows from the motion: since the epoch of JGD2011 the
+plates under Japan have moved south in every ITRF, except the Philippine Sea plate (Izu and Ogasawara islands).
+"""
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 import re
 from dataclasses import dataclass
@@ -9,7 +18,9 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Final
 
+import jgdtrans
 import numpy as np
+from numpy.typing import NDArray
 from pyproj import CRS, Proj, Transformer
 from pyproj.crs import ProjectedCRS
 from pyproj.database import CRSInfo, query_crs_info
@@ -18,11 +29,214 @@ from pyproj.exceptions import CRSError
 
 from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.geodesy.height_system import ABOVE_ELLIPSOID, HeightSystem, height_system
-from furrowmap.core.geodesy.parameter_file import BETWEEN_EPOCHS, ParameterFile, read_parameters
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.foreign_content import binary_kind
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
+
+YEAR: Final = "SemiDynaEXE"
+QUARTER: Final = "POS2JGD"
+BETWEEN_EPOCHS: Final = (YEAR, QUARTER)
+"""Formats between the epoch of the map and the current one of a fiscal year, or of a quarter."""
+_SOUTH_NORTH_DEG: Final = (0.0, 66.6)
+_WEST_EAST_DEG: Final = (100.0, 180.0)
+"""Where mesh codes are defined (JIS X 0410)."""
+MAX_PARAMETER_BYTES: Final = 50_000_000
+"""The largest official file (TKY2JGD, 390,000 nodes) has 11 MB."""
+MAX_CORRECTION: Final = (1.0 / 60.0, 1.0 / 60.0, 100.0)
+"""Degrees and metres of a change of datum: a minute of arc and 100 m."""
+_ROW: Final = re.compile(r"[0-9]{8}(\s+-?[0-9]+\.[0-9]{5}){1,3}\s*|\s*")
+"""The columns are of fixed width: with a digit lost, all behind it would be read from the wrong place."""
+_INVERSE_ROUNDS: Final = 6
+"""Iterations of the inverse: parameters vary by less than 1e-3, so each adds three digits."""
+_JAPAN_TIME: Final = dt.timezone(dt.timedelta(hours=9))
+
+_POS2JGD_TITLE: Final = "GRIDDED CORRECTION PARAMETER FOR POS2JGD"
+_POS2JGD_DATUMS: Final = ("JGD2011", "JGD2024")
+_POS2JGD_FIELDS: Final = "'4 MeshCode dB dL dH'"
+_IZU_DEG: Final = 138.0, 35.0
+"""East of this longitude and south of this latitude the islands move north-west."""
+
+
+@dataclass(frozen=True)
+class ParameterFile:
+    """Corrections on a mesh.
+
+    Attributes:
+        format: as named by jgdtrans, or "POS2JGD".
+        days: first and last day (Japan) of validity of a file between epochs; None where unstated.
+        codes: (m,) mesh codes of the nodes, increasing.
+        corrections: (m, 3) forward, longitude and latitude in degrees, height in metres.
+        from_map: whether forward is from the epoch of the map to the current one.
+    """
+
+    name: str
+    format: str
+    days: tuple[dt.date, dt.date] | None
+    codes: NDArray[np.int64]
+    corrections: FloatArray
+    from_map: bool = True
+
+    def to_map(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
+        """(longitude, latitude, height), each (n,), from the current epoch to that of the map.
+
+        Raises:
+            InputError: if the file does not cover a position.
+        """
+        return (self.backward if self.from_map else self.forward)(lon_deg, lat_deg, height_m)
+
+    def forward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
+        """Corrected (longitude, latitude, height), each (n,); InputError if the file does not cover a position."""
+        moved = self._at(lon_deg, lat_deg)
+        return lon_deg + moved[:, 0], lat_deg + moved[:, 1], height_m + moved[:, 2]
+
+    def backward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
+        """The inverse of :meth:`forward` to 1e-13°, by fixed-point iteration; InputError as there."""
+        moved = np.median(self.corrections, axis=0)[None, :]
+        for _ in range(_INVERSE_ROUNDS):
+            moved = self._at(lon_deg - moved[:, 0], lat_deg - moved[:, 1])
+        return lon_deg - moved[:, 0], lat_deg - moved[:, 1], height_m - moved[:, 2]
+
+    @cached_property
+    def holds_s(self) -> tuple[float, float] | None:
+        """Period of validity (UTC) of a file between epochs; None where unknown."""
+        if self.days is None:
+            return None
+        begin, end = (dt.datetime.combine(day, dt.time(), _JAPAN_TIME) for day in self.days)
+        return begin.timestamp(), (end + dt.timedelta(days=1)).timestamp()
+
+    def _at(self, lon_deg: FloatArray, lat_deg: FloatArray) -> FloatArray:
+        """Corrections (n, 3) at places (n,)."""
+        unit = 5 if self.format in BETWEEN_EPOCHS else 1
+        inside = (lat_deg >= _SOUTH_NORTH_DEG[0]) & (lat_deg < _SOUTH_NORTH_DEG[1])
+        inside &= (lon_deg >= _WEST_EAST_DEG[0]) & (lon_deg < _WEST_EAST_DEG[1])
+        if not inside.all():
+            raise self._outside(lon_deg, lat_deg, ~inside)
+        # Third-order cells of JIS X 0410 are 30" by 45"; those of epochs five times as large.
+        row, column = lat_deg * (120.0 / unit), (lon_deg - 100.0) * (80.0 / unit)
+        south, west = np.floor(row), np.floor(column)
+        up, right = (row - south)[:, None], (column - west)[:, None]
+        out = np.zeros((len(lon_deg), 3))
+        for north in (0, 1):
+            for east in (0, 1):
+                share = (up if north else 1.0 - up) * (right if east else 1.0 - right)
+                y = unit * (south.astype(np.int64) + north)
+                x = unit * (west.astype(np.int64) + east)
+                code = (y // 80) * 1_000_000 + (x // 80) * 10_000
+                code += (y % 80 // 10) * 1_000 + (x % 80 // 10) * 100 + (y % 10) * 10 + x % 10
+                index = np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)
+                known = self.codes[index] == code
+                missing = ~known & (share[:, 0] > 0.0)
+                if missing.any():
+                    raise self._outside(lon_deg, lat_deg, missing)
+                out += share * np.where(known[:, None], self.corrections[index], 0.0)
+        return out
+
+    def _outside(self, lon_deg: FloatArray, lat_deg: FloatArray, where: NDArray[np.bool_]) -> InputError:
+        k = int(np.flatnonzero(where)[0])
+        return InputError(
+            "parameters-outside",
+            name=self.name,
+            lat_deg=lat_deg[k],
+            lon_deg=lon_deg[k],
+            where=int(where.sum()),
+            lon_deg_count=len(lon_deg),
+        )
+
+
+def read_parameters(path: Path) -> ParameterFile:
+    """The parameters in a .par file, by its layout; InputError if it is no such file, or is damaged."""
+    try:
+        if path.stat().st_size > MAX_PARAMETER_BYTES:
+            raise _unreadable(path, f"it has {path.stat().st_size:,} bytes")
+        content = path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error.strerror or "cannot be read") from None
+    if (kind := binary_kind(content)) is not None:
+        raise _unreadable(path, f"it is {kind}, not text")
+    text = content.decode("cp932", "replace")
+    lines = text.splitlines()
+    if lines and lines[0].strip() == _POS2JGD_TITLE:
+        return _read_pos2jgd(path, lines)
+    head = next((k for k, line in enumerate(lines) if re.match(r"\d{8}\s", line)), None)
+    if head is None:
+        raise _unreadable(path, "it has no mesh codes after a header of 2 or 16 lines")
+    damaged = next((k for k, line in enumerate(lines[head:], start=1 + head) if not _ROW.fullmatch(line)), 0)
+    if damaged:
+        raise _unreadable(path, f"line {damaged} ({lines[damaged - 1][:60]!r}) is not a mesh code and parameters")
+    kind = _kind(lines, head)
+    if kind is None:
+        raise _unreadable(path, "it has no mesh codes after a header of 2 or 16 lines")
+    try:
+        found = jgdtrans.par.loads(text.rstrip(), format=kind).parameter
+    except Exception as error:  # noqa: BLE001 damage ends in errors of several families
+        raise _unreadable(path, str(error) or type(error).__name__) from None
+    codes = np.array(sorted(found), np.int64)
+    rows = np.array([(p.longitude / 3600.0, p.latitude / 3600.0, p.altitude) for p in map(found.__getitem__, codes)])
+    _check_corrections(path, rows)
+    year = re.search(r"SemiDyna(20\d\d)", f"{path.name} {' '.join(lines[:head])}", re.IGNORECASE)
+    days = (dt.date(int(year[1]), 4, 1), dt.date(int(year[1]) + 1, 3, 31)) if year and kind == YEAR else None
+    return ParameterFile(path.name, kind, days, codes, rows)
+
+
+def _read_pos2jgd(path: Path, lines: list[str]) -> ParameterFile:
+    head = {key.strip(): value.strip() for key, _, value in (line.partition("=") for line in lines if "=" in line)}
+    if head.get("DATA_FIELDS", _POS2JGD_FIELDS) != _POS2JGD_FIELDS:
+        raise _unreadable(path, f"its fields are {head['DATA_FIELDS']}, not {_POS2JGD_FIELDS}")
+    if head.get("NATIONAL_DATUM") not in _POS2JGD_DATUMS:
+        raise _unreadable(path, f"its NATIONAL_DATUM is {head.get('NATIONAL_DATUM', 'not stated')}")
+    days = []
+    for key in ("START_OF_APPLICABLE_PERIOD", "END_OF_APPLICABLE_PERIOD"):
+        try:
+            days.append(dt.datetime.strptime(head.get(key, ""), "%Y%m%d").date())  # noqa: DTZ007 - a day of a calendar
+        except ValueError:
+            raise _unreadable(path, f"its {key} is not a date such as 20230601") from None
+    rows = [line.split() for line in lines if line[:8].isdigit()]
+    if not rows or any(len(row) != 4 or len(row[0]) != 8 for row in rows):
+        raise _unreadable(path, "not every line after its header has a mesh code and three numbers")
+    try:
+        values = np.array([[float(value) for value in row[1:]] for row in rows])
+        codes = np.array([int(row[0]) for row in rows], np.int64)
+    except ValueError as error:
+        raise _unreadable(path, str(error)) from None
+    north_deg, east_deg = codes // 1_000_000 / 1.5, 100.0 + codes // 10_000 % 100
+    on_islands = (north_deg < _IZU_DEG[1]) & (east_deg >= _IZU_DEG[0])
+    northward = values[~on_islands & (values[:, 0] != 0.0), 0]
+    if not len(northward) or max((northward < 0.0).mean(), (northward > 0.0).mean()) < 0.9:
+        why = "the sign of its numbers cannot be determined without nodes on the main islands of Japan"
+        raise _unreadable(path, why)
+    order = np.argsort(codes)
+    corrections = values[order][:, [1, 0, 2]] / (3600.0, 3600.0, 1.0)
+    _check_corrections(path, corrections)
+    from_map = bool(np.median(northward) < 0.0)
+    return ParameterFile(path.name, QUARTER, (days[0], days[1]), codes[order], corrections, from_map)
+
+
+def _check_corrections(path: Path, rows: FloatArray) -> None:
+    """Refuse corrections (n, 3) that are not numbers of the size of a change of datum."""
+    if not len(rows) or not (np.abs(rows) <= MAX_CORRECTION).all():
+        raise _unreadable(path, "some of its parameters are not numbers, or larger than any")
+
+
+def _kind(lines: list[str], head: int) -> str | None:
+    """The format, from the length of the header, the columns and the mesh; None if unknown."""
+    codes = [line[:8] for line in lines[head:] if line.strip()]
+    if head == 2:
+        return "TKY2JGD"
+    if head != 16:
+        return None
+    columns = [word.lower()[:2] for word in lines[15].split()[1:]]
+    if columns == ["db", "dl"]:
+        return "PatchJGD"
+    if columns == ["dh"]:
+        return "PatchJGD_H"
+    return YEAR if all(code[6] in "05" and code[7] in "05" for code in codes) else "PatchJGD_HV"
+
+
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError("parameters-unreadable", path=path, why=why)
+
 
 FIRST_EPOCH: Final = 1984.0
 LAST_EPOCH: Final = 2100.0

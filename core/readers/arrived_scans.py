@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.readers.hesai.models import HESAI
+from furrowmap.core.readers.hesai.captures import HESAI
 from furrowmap.core.readers.ouster.captures import sensors_and_time
 from furrowmap.core.readers.ouster.packets import OusterDecoder
 from furrowmap.core.readers.pcap import Datagrams
@@ -17,7 +17,7 @@ from furrowmap.core.readers.spinning.captures import SensorTraffic, survey
 from furrowmap.core.readers.spinning.clock import settle
 from furrowmap.core.readers.spinning.decoder import PacketDecoder
 from furrowmap.core.readers.spinning.model import Maker
-from furrowmap.core.readers.velodyne.models import VELODYNE
+from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.values.scan import Scan
 
 CLOCK_SHOWN_S: Final = 1.2

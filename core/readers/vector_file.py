@@ -21,9 +21,8 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
-from furrowmap.core.readers.text_table import number_or_text
+from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_layer
 from furrowmap.core.readers.vector_layer import read_vector_layer
-from furrowmap.core.readers.zipped_layer import ZIP, unpacked_layer
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.foreign_content import binary_kind
 

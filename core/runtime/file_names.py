@@ -1,4 +1,4 @@
-"""Names that were read from a file and become paths: they stay inside the folder that they belong to."""
+"""Names that were read from a file and become paths inside their folder; URLs without their passwords."""
 
 from __future__ import annotations
 
@@ -8,6 +8,21 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError
+
+_PASSWORD: Final = re.compile(r"((?<=\w\w):/{1,2}[^\s/?#:@]*):(?!\d*(?:[/?#\s]|$))[^\s@]*@(?:[^\s/?#@]*@)*")
+"""From the colon after a user's name to the last @ before the path; digits alone before the path are a port.
+
+A URL that was taken for a path has one slash.
+"""
+_PARAMETER: Final = re.compile(r"(?i)([?&][\w-]*(?:password|passwd|secret|token|signature|sig)=)[^\s&#]*")
+
+
+def without_passwords(text: str) -> str:
+    """A text whose URLs have no passwords: neither ``user:password@`` nor secret parameters such as ``?token=…``."""
+    if ":/" not in text:
+        return text
+    return _PARAMETER.sub(r"\1", _PASSWORD.sub(r"\1@", text))
+
 
 MAX_NAME_BYTES: Final = 255
 """Longest name of a file, in UTF-8, on the usual file systems."""

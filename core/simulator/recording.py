@@ -1,14 +1,24 @@
-"""The LiDAR recording: beams cast in batches by threads, packets written in order."""
+"""The LiDAR recording: beams cast in batches by threads, packets written in order.
+
+Geometry, timing and packets of the scanners: VLP-16 User Manual 63-9243 Rev. E, chapter 9 and appendix; Hesai PandarXT
+User Manual, point cloud data packet and appendix; Ouster Sensor Documentation (firmware 3.1), chapters "Coordinate
+frames and XYZ calculation" and "Lidar data packet format". A Mid-360 has no rings, but 200,000 points a second in a
+pattern that does not repeat; it is recorded as messages of livox_ros_driver2 (msg/CustomMsg) in a ROS 1 bag (format
+2.0) without the index that a recorder writes when it ends.
+"""
 
 from __future__ import annotations
 
 import gzip
+import json
 import os
+import struct
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from io import BufferedIOBase
 from pathlib import Path
 from typing import Any, Final
@@ -17,22 +27,420 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.simulator.capture import PCAP
+from furrowmap.core.simulator.capture import PCAP, Bytes, Container
 from furrowmap.core.simulator.drive import SimulatedTrack
 from furrowmap.core.simulator.gnss import gprmc
-from furrowmap.core.simulator.livox import MID360
-from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
-from furrowmap.core.simulator.moving_mount import SimulatedMountMotion
+from furrowmap.core.simulator.motion import SimulatedMotion, SimulatedMountMotion, mount_rotation
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.ouster import OS1_32
-from furrowmap.core.simulator.rays import Firings, Met, Optics, Returns, Scene, cast, make_optics, make_scene
-from furrowmap.core.simulator.scanner import ScannerModel, Spin
+from furrowmap.core.simulator.rays import Beams, Firings, Met, Optics, Returns, Scene, cast, make_optics, make_scene
+from furrowmap.core.simulator.scanner import ScannerModel, Spin, clock_us
 from furrowmap.core.simulator.scenario import Scenario, ScenarioLidar
 from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.simulator.soil import Ground
 from furrowmap.core.simulator.truth import SeenAfter
-from furrowmap.core.simulator.vlp16 import POSITION_EVERY_S, POSITION_PORT, VLP16, position_packet
-from furrowmap.core.simulator.xt32 import XT32
+
+_CHANNELS: Final = 32
+_BLOCKS: Final = 8
+_HEAD: Final = (0xEE, 0xFF, 6, 1, 0, 0, _CHANNELS, _BLOCKS, 0, 4, 2, 1)
+_MODE: Final = {"strongest": 0x37, "last": 0x38, "dual": 0x39}
+_XT_CHANNEL: Final = np.arange(_CHANNELS, dtype=np.float64)
+_CHANNEL_DEG: Final = np.round(15.0 - _XT_CHANNEL - 0.04 * np.sin(_XT_CHANNEL), 3)
+"""Elevations of this sensor, as its calibration states them: some hundredths of a degree beside those of the model."""
+_TURNED_DEG: Final = np.round(0.08 - 0.007 * _XT_CHANNEL, 3)
+_RETURN: Final = np.dtype([("ticks", "<u2"), ("reflectivity", "u1"), ("reserved", "u1")])
+_XT32_PACKET: Final = np.dtype(
+    [
+        ("head", "u1", len(_HEAD)),
+        ("blocks", [("azimuth", "<u2"), ("returns", _RETURN, _CHANNELS)], _BLOCKS),
+        ("reserved", "u1", 10),
+        ("mode", "u1"),
+        ("speed", "<u2"),
+        ("date", "u1", 6),
+        ("stamp_us", "<u4"),
+        ("factory", "u1"),
+        ("sequence", "<u4"),
+    ]
+)
+
+
+def _xt32_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, returns: Returns) -> Bytes:
+    """(n, 1080) payloads of the data packets, stamped with the time of their last block."""
+    mode = scenario.lidar.return_mode
+    n = returns.ticks.shape[1] // spin.firings_a_packet
+    firing = first * spin.firings_a_packet + np.arange(n * spin.firings_a_packet)
+    packets = np.zeros(n, _XT32_PACKET)
+    packets["head"] = _HEAD
+    azimuth = np.round(spin.turns(spin.time_s(firing)).reshape(n, -1) % 1.0 * 36000).astype(np.uint16) % 36000
+    packets["blocks"]["azimuth"] = np.repeat(azimuth, _BLOCKS // spin.firings_a_packet, axis=1)
+    for name, values in (("ticks", returns.ticks), ("reflectivity", returns.reflectivity)):
+        packed = values.reshape(2, n, -1, _CHANNELS)
+        if mode == "dual":  # the last return in the odd blocks (from 1), the strongest in the even ones
+            packets["blocks"]["returns"][name][:, 0::2] = packed[1]
+            packets["blocks"]["returns"][name][:, 1::2] = packed[0]
+        else:
+            packets["blocks"]["returns"][name] = packed[0 if mode == "strongest" else 1]
+    last = firing[spin.firings_a_packet - 1 :: spin.firings_a_packet]
+    stamp_us = np.round(spin.time_s(last) * 1e6).astype(np.int64) + clock_us(scenario, site)
+    for second in np.unique(stamp_us // 1_000_000):
+        at = datetime.fromtimestamp(int(second), UTC)
+        date = (at.year - 1900, at.month, at.day, at.hour, at.minute, at.second)
+        packets["date"][stamp_us // 1_000_000 == second] = date
+    packets["stamp_us"] = stamp_us % 1_000_000
+    packets["mode"], packets["speed"] = _MODE[mode], scenario.lidar.rpm
+    packets["sequence"] = first + np.arange(n)
+    return packets.view(np.uint8).reshape(n, -1)
+
+
+def calibration(_: Scenario) -> tuple[str, str]:
+    """Name and text of the sensor's angle calibration."""
+    rows = [f"{i + 1},{e:.3f},{a:.3f}\n" for i, (e, a) in enumerate(zip(_CHANNEL_DEG, _TURNED_DEG, strict=True))]
+    return "recording.csv", "Channel,Elevation,Azimuth\n" + "".join(rows)
+
+
+XT32: Final = ScannerModel(
+    beams=Beams(
+        elevation_deg=_CHANNEL_DEG,
+        azimuth_deg=_TURNED_DEG,
+        height_m=np.zeros(_CHANNELS),
+        laser_s=(6.0 + 1.512 * _XT_CHANNEL) * 1e-6,
+        origin_m=0.0,
+        step_m=0.004,
+        zero_deg=0.0,
+    ),
+    firings_a_packet=_BLOCKS,
+    firings_a_packet_dual=_BLOCKS // 2,
+    firing_s=50e-6,
+    columns=0,
+    port=2368,
+    packets=_xt32_packets,
+    position_packets=False,
+    beside=calibration,
+)
+
+
+ELEVATION_DEG: Final = np.array(
+    [-15.0, 1.0, -13.0, 3.0, -11.0, 5.0, -9.0, 7.0, -7.0, 9.0, -5.0, 11.0, -3.0, 13.0, -1.0, 15.0]
+)
+"""Of the lasers in the order in which they fire and stand in a packet."""
+VERTICAL_OFFSET_M: Final = 1e-3 * np.array(
+    [11.2, -0.7, 9.7, -2.2, 8.1, -3.7, 6.6, -5.1, 5.1, -6.6, 3.7, -8.1, 2.2, -9.7, 0.7, -11.2]
+)
+"""Height of each beam's origin on the axis above the sensor's origin."""
+LASER_S: Final = 2.304e-6
+"""From one laser to the next."""
+FIRING_S: Final = 55.296e-6
+"""From one firing of all lasers to the next."""
+BLOCKS_PER_PACKET: Final = 12
+"""Blocks in a packet, each of two firings of all lasers."""
+AZIMUTH_STEP_DEG: Final = 0.01
+RETURN_MODE: Final = {"strongest": 0x37, "last": 0x38, "dual": 0x39}
+PRODUCT_ID: Final = 0x22
+POSITION_PORT: Final = 8308
+HOUR_US: Final = 3_600_000_000
+POSITION_BYTES: Final = 512
+POSITION_EVERY_S: Final = 0.5
+_PACKET: Final = np.dtype(
+    {
+        "names": ["blocks", "stamp_us", "factory"],
+        "formats": [
+            (
+                np.dtype(
+                    [("flag", "<u2"), ("azimuth", "<u2"), ("returns", [("ticks", "<u2"), ("reflectivity", "u1")], 32)]
+                ),
+                BLOCKS_PER_PACKET,
+            ),
+            "<u4",
+            ("u1", 2),
+        ],
+        "offsets": [0, 1200, 1204],
+        "itemsize": 1206,
+    }
+)
+
+
+def vlp16_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, returns: Returns) -> Bytes:
+    """(n, 1206) payloads of the data packets."""
+    mode = scenario.lidar.return_mode
+    n = returns.ticks.shape[1] // spin.firings_a_packet
+    firing = first * spin.firings_a_packet + np.arange(n * spin.firings_a_packet)
+    packets = np.zeros(n, _PACKET)
+    packets["blocks"]["flag"] = 0xEEFF
+    turn = spin.turns(spin.time_s(firing[::2])).reshape(n, -1) % 1.0
+    azimuth = np.round(turn * (360.0 / AZIMUTH_STEP_DEG)).astype(np.uint16) % 36000
+    for name, values in (("ticks", returns.ticks), ("reflectivity", returns.reflectivity)):
+        packed = values.reshape(2, n, -1, 2 * len(ELEVATION_DEG))
+        if mode == "dual":  # the last return in the even blocks, the strongest or second-strongest in the odd ones
+            packets["blocks"]["returns"][name][:, 0::2] = packed[1]
+            packets["blocks"]["returns"][name][:, 1::2] = packed[0]
+        else:
+            packets["blocks"]["returns"][name] = packed[0 if mode == "strongest" else 1]
+    packets["blocks"]["azimuth"] = np.repeat(azimuth, 2, axis=1) if mode == "dual" else azimuth
+    stamp_us = np.round(spin.time_s(firing[:: spin.firings_a_packet]) * 1e6).astype(np.int64)
+    packets["stamp_us"] = (stamp_us + clock_us(scenario, site)) % HOUR_US
+    packets["factory"] = RETURN_MODE[mode], PRODUCT_ID
+    return packets.view(np.uint8).reshape(n, 1206)
+
+
+def position_packet(scenario: Scenario, site: SimulatedSite, t_s: float, gprmc: str) -> Bytes:
+    """(1, 512) payload of a position packet: the sensor's clock, the PPS locked, the receiver's sentence."""
+    payload = np.zeros((1, POSITION_BYTES), np.uint8)
+    stamp_us = (round(t_s * 1e6) + clock_us(scenario, site)) % HOUR_US
+    payload[0, 198:202] = np.frombuffer(stamp_us.to_bytes(4, "little"), np.uint8)
+    payload[0, 202] = 2
+    text = np.frombuffer(gprmc.encode("ascii"), np.uint8)
+    payload[0, 206 : 206 + len(text)] = text
+    return payload
+
+
+VLP16: Final = ScannerModel(
+    beams=Beams(
+        elevation_deg=ELEVATION_DEG,
+        azimuth_deg=np.zeros(len(ELEVATION_DEG)),
+        height_m=VERTICAL_OFFSET_M,
+        laser_s=LASER_S * np.arange(len(ELEVATION_DEG), dtype=np.float64),
+        origin_m=0.0,
+        step_m=0.002,
+        zero_deg=0.0,
+    ),
+    firings_a_packet=2 * BLOCKS_PER_PACKET,
+    firings_a_packet_dual=BLOCKS_PER_PACKET,
+    firing_s=FIRING_S,
+    columns=0,
+    port=2368,
+    packets=vlp16_packets,
+    position_packets=True,
+    stated="VLP-16",
+)
+
+
+OS1_COLUMNS: Final = 1024
+OS1_BEAMS: Final = 32
+_COLUMNS_A_PACKET: Final = 16
+_PROFILE: Final = {False: "RNG19_RFL8_SIG16_NIR16", True: "RNG19_RFL8_SIG16_NIR16_DUAL"}
+_SERIAL: Final = 122_000_000_032
+_INIT_ID: Final = 46
+_ELEVATION_DEG: Final = np.round(np.linspace(22.5, -22.5, OS1_BEAMS), 2)
+_AZIMUTH_DEG: Final = np.tile([4.23, 1.41, -1.41, -4.23], OS1_BEAMS // 4)
+"""Beams are staggered, so that adjacent ones do not disturb each other."""
+_ORIGIN_MM: Final = 15.806
+_HEIGHT_MM: Final = 36.18
+OS1_TO_SENSOR: Final = [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, _HEIGHT_MM, 0, 0, 0, 1]
+"""From the lidar frame, in which the encoder counts, to the sensor frame."""
+
+OS1_PIXEL: Final = np.dtype(
+    {"names": ["range", "reflectivity"], "formats": ["<u4", "u1"], "offsets": [0, 4], "itemsize": 12}
+)
+OS1_PIXEL_DUAL: Final = np.dtype(
+    {
+        "names": ["range", "reflectivity", "range2", "reflectivity2"],
+        "formats": ["<u4", "u1", "<u4", "u1"],
+        "offsets": [0, 3, 4, 7],
+        "itemsize": 16,
+    }
+)
+"""A pixel; of the ranges 19 bits count, those above hold flags and reflectivity."""
+
+
+def _packet(pixel: np.dtype[np.void]) -> np.dtype[np.void]:
+    column = np.dtype([("stamp_ns", "<u8"), ("number", "<u2"), ("status", "<u2"), ("pixels", pixel, OS1_BEAMS)])
+    head = [("kind", "<u2"), ("frame", "<u2"), ("init_id", "u1", 3), ("serial", "u1", 5), ("alerts", "u1", 20)]
+    return np.dtype([*head, ("columns", column, _COLUMNS_A_PACKET), ("tail", "u1", 32)])
+
+
+def _os1_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, returns: Returns) -> Bytes:
+    """(n, 6400) payloads of the data packets, (n, 8448) of two returns."""
+    mode = scenario.lidar.return_mode
+    n = returns.ticks.shape[1] // _COLUMNS_A_PACKET
+    packets = np.zeros(n, _packet(OS1_PIXEL_DUAL if mode == "dual" else OS1_PIXEL))
+    firing = first * _COLUMNS_A_PACKET + np.arange(n * _COLUMNS_A_PACKET)
+    turned = round(spin.first_turn * OS1_COLUMNS) + firing
+    packets["kind"] = 1
+    packets["frame"] = turned[::_COLUMNS_A_PACKET] // OS1_COLUMNS % 65_536
+    packets["init_id"] = np.frombuffer(_INIT_ID.to_bytes(3, "little"), np.uint8)
+    packets["serial"] = np.frombuffer(_SERIAL.to_bytes(5, "little"), np.uint8)
+    columns = packets["columns"]
+    stamp_us = 0 if not scenario.lidar.position_packets else clock_us(scenario, site)
+    stamp_ns = np.round(spin.time_s(firing) * 1e9).astype(np.int64) + stamp_us * 1000
+    columns["stamp_ns"] = stamp_ns.reshape(n, -1)
+    columns["number"] = (turned % OS1_COLUMNS).reshape(n, -1)
+    columns["status"] = 1
+    shown = (1,) if mode == "last" else (0, 1) if mode == "dual" else (0,)
+    for k, name in zip(shown, ("", "2"), strict=False):
+        ticks = returns.ticks[k]
+        if name:
+            ticks = np.where(ticks == returns.ticks[0], 0, ticks)
+        columns["pixels"]["range" + name] = ticks.reshape(n, _COLUMNS_A_PACKET, OS1_BEAMS)
+        # after the range, whose upper byte it is with two returns
+        columns["pixels"]["reflectivity" + name] = returns.reflectivity[k].reshape(n, _COLUMNS_A_PACKET, OS1_BEAMS)
+    return packets.view(np.uint8).reshape(n, -1)
+
+
+def metadata(scenario: Scenario) -> tuple[str, str]:
+    """Name and text of the sensor's metadata."""
+    profile = _PROFILE[scenario.lidar.return_mode == "dual"]
+    mode = f"{OS1_COLUMNS}x{scenario.lidar.rpm // 60}"
+    shift = np.round(_AZIMUTH_DEG * (OS1_COLUMNS / 360.0)).astype(int).tolist()
+    said = {
+        "sensor_info": {
+            "prod_line": "OS-1-32-U0",
+            "prod_pn": "840-102144-D",
+            "prod_sn": str(_SERIAL),
+            "image_rev": "ousteros-image-prod-bootes-v3.1.0+20240426041747",
+            "build_rev": "v3.1.0",
+            "build_date": "2024-04-26T02:34:31Z",
+            "status": "RUNNING",
+            "initialization_id": _INIT_ID,
+        },
+        "beam_intrinsics": {
+            "beam_altitude_angles": _ELEVATION_DEG.tolist(),
+            "beam_azimuth_angles": _AZIMUTH_DEG.tolist(),
+            "lidar_origin_to_beam_origin_mm": _ORIGIN_MM,
+            "beam_to_lidar_transform": [1, 0, 0, _ORIGIN_MM, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
+        },
+        "lidar_intrinsics": {"lidar_to_sensor_transform": OS1_TO_SENSOR},
+        "imu_intrinsics": {"imu_to_sensor_transform": [1, 0, 0, 6.253, 0, 1, 0, -11.775, 0, 0, 1, 7.645, 0, 0, 0, 1]},
+        "calibration_status": {"reflectivity": {"valid": True, "timestamp": "2023-01-25T15:11:58"}},
+        "lidar_data_format": {
+            "pixels_per_column": OS1_BEAMS,
+            "columns_per_packet": _COLUMNS_A_PACKET,
+            "columns_per_frame": OS1_COLUMNS,
+            "pixel_shift_by_row": shift,
+            "column_window": [0, OS1_COLUMNS - 1],
+            "udp_profile_lidar": profile,
+            "udp_profile_imu": "LEGACY",
+        },
+        "config_params": {
+            "udp_port_lidar": 7502,
+            "udp_port_imu": 7503,
+            "udp_profile_lidar": profile,
+            "udp_profile_imu": "LEGACY",
+            "lidar_mode": mode,
+            "timestamp_mode": "TIME_FROM_SYNC_PULSE_IN"
+            if scenario.lidar.position_packets
+            else "TIME_FROM_INTERNAL_OSC",
+            "nmea_leap_seconds": 0,
+        },
+    }
+    return "recording.json", json.dumps(said) + "\n"
+
+
+OS1_32: Final = ScannerModel(
+    beams=Beams(
+        elevation_deg=_ELEVATION_DEG,
+        azimuth_deg=_AZIMUTH_DEG,
+        height_m=np.full(OS1_BEAMS, 1e-3 * _HEIGHT_MM),
+        laser_s=np.zeros(OS1_BEAMS),
+        origin_m=1e-3 * _ORIGIN_MM,
+        step_m=0.001,
+        zero_deg=180.0,
+    ),
+    firings_a_packet=_COLUMNS_A_PACKET,
+    firings_a_packet_dual=_COLUMNS_A_PACKET,
+    firing_s=float("nan"),
+    columns=OS1_COLUMNS,
+    port=7502,
+    packets=_os1_packets,
+    position_packets=False,
+    beside=metadata,
+)
+
+
+_SWING_S: Final = 0.5e-3
+"""The beam swings up and down once, while the sensor turns."""
+_POINTS_A_SWING: Final = 100
+"""In a swing."""
+_SWINGS: Final = 200
+"""In a message."""
+_LINES: Final = 4
+_PHASE: Final = (np.arange(_POINTS_A_SWING) + 0.5) / _POINTS_A_SWING
+_ROSETTE_DEG: Final = 22.5 + 29.5 * np.cos(2.0 * np.pi * _PHASE)
+"""From -7 to 52 degrees, as of a Mid-360."""
+_LIVOX_POINT: Final = np.dtype(
+    [("offset_ns", "<u4"), ("xyz_m", "<f4", 3), ("reflectivity", "u1"), ("tag", "u1"), ("line", "u1")]
+)
+_CUSTOM_MESSAGE: Final = np.dtype(
+    [
+        *(("sequence", "<u4"), ("sec", "<u4"), ("nanosec", "<u4"), ("frame", "<u4")),
+        *(("timebase", "<u8"), ("count", "<u4"), ("lidar", "u1", 4), ("points_count", "<u4")),
+        ("points", _LIVOX_POINT, _POINTS_A_SWING * _SWINGS),
+    ]
+)
+_CUSTOM_TYPE: Final = b"livox_ros_driver2/CustomMsg"
+
+
+def messages(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, returns: Returns) -> Bytes:
+    """(n, k) CustomMsg messages; a beam without a return has a point at 0, 0, 0."""
+    n = returns.ticks.shape[1] // _SWINGS
+    firing_s = spin.time_s(first * _SWINGS + np.arange(n * _SWINGS))
+    azimuth = 2.0 * np.pi * spin.turns(firing_s[:, None] + MID360.beams.laser_s)
+    elevation = np.radians(_ROSETTE_DEG)
+    kept = 1 if scenario.lidar.return_mode == "last" else 0
+    range_m = returns.ticks[kept] * MID360.beams.step_m
+    out = np.zeros(n, _CUSTOM_MESSAGE)
+    points = out["points"].reshape(-1, _POINTS_A_SWING)
+    across_m = range_m * np.cos(elevation)
+    xyz_m = np.stack([across_m * np.cos(azimuth), -across_m * np.sin(azimuth), range_m * np.sin(elevation)], axis=-1)
+    out["points"]["xyz_m"] = xyz_m.reshape(n, -1, 3)
+    begin_s = firing_s[::_SWINGS]
+    since_s = firing_s.reshape(n, -1, 1) + MID360.beams.laser_s - begin_s[:, None, None]
+    out["points"]["offset_ns"] = np.round(since_s * 1e9).reshape(n, -1)
+    out["points"]["reflectivity"] = returns.reflectivity[kept].reshape(n, -1)
+    out["points"]["line"] = np.arange(points.size).reshape(n, -1) % _LINES
+    stamp_ns = np.round(begin_s * 1e9).astype(np.int64) + 1000 * clock_us(scenario, site)
+    out["timebase"], out["sec"], out["nanosec"] = stamp_ns, stamp_ns // 10**9, stamp_ns % 10**9
+    out["sequence"], out["count"], out["points_count"] = (
+        first + np.arange(n),
+        _POINTS_A_SWING * _SWINGS,
+        _POINTS_A_SWING * _SWINGS,
+    )
+    return out.view(np.uint8).reshape(n, -1)
+
+
+def _record(data: bytes, **header: bytes) -> bytes:
+    """A record of a bag."""
+    fields = b"".join(struct.pack("<I", len(k) + 1 + len(v)) + k.encode() + b"=" + v for k, v in header.items())
+    return struct.pack("<I", len(fields)) + fields + struct.pack("<I", len(data)) + data
+
+
+def _chunks(time_us: NDArray[np.int64], payload: Bytes, _: int, __: int) -> Bytes:
+    """(n, k) chunks, each with the connection and a message (n, m), received at `time_us` (n,)."""
+    said = _record(b"", topic=b"/livox/lidar", type=_CUSTOM_TYPE, md5sum=b"*", message_definition=b"")[4:-4]
+    connection = _record(said, op=b"\x07", conn=bytes(4), topic=b"/livox/lidar")
+    chunks = []
+    for at_us, message in zip(time_us.tolist(), payload, strict=True):
+        at = struct.pack("<II", at_us // 1_000_000, at_us % 1_000_000 * 1000)
+        content = connection + _record(message.tobytes(), op=b"\x02", conn=bytes(4), time=at)
+        chunk = _record(content, op=b"\x05", compression=b"none", size=struct.pack("<I", len(content)))
+        chunks.append(np.frombuffer(chunk, np.uint8))
+    return np.stack(chunks)
+
+
+def _bag_head() -> bytes:
+    counts = {"index_pos": bytes(8), "conn_count": bytes(4), "chunk_count": bytes(4)}
+    empty = _record(b"", op=b"\x03", **counts)
+    return b"#ROSBAG V2.0\n" + _record(b" " * (4096 - len(empty)), op=b"\x03", **counts)
+
+
+MID360: Final = ScannerModel(
+    beams=Beams(
+        elevation_deg=_ROSETTE_DEG,
+        azimuth_deg=np.zeros(_POINTS_A_SWING),
+        height_m=np.zeros(_POINTS_A_SWING),
+        laser_s=(_PHASE - 0.5 / _POINTS_A_SWING) * _SWING_S,
+        origin_m=0.0,
+        step_m=0.001,
+        zero_deg=0.0,
+    ),
+    firings_a_packet=_SWINGS,
+    firings_a_packet_dual=_SWINGS,
+    firing_s=_SWING_S,
+    columns=0,
+    port=0,
+    packets=messages,
+    position_packets=False,
+    container=Container(".bag", _bag_head(), _chunks),
+)
+
 
 SCANNERS: Final = {"VLP-16": VLP16, "OS1-32": OS1_32, "PandarXT-32": XT32, "Mid-360": MID360}
 """By the name in a scenario."""

@@ -20,7 +20,7 @@ from furrowmap.core.readers.nmea.sentences import Sentences
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.spinning.decoder import PacketDecoder
 from furrowmap.core.readers.states_csv import StatesCsv
-from furrowmap.core.readers.velodyne.models import VELODYNE
+from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.runtime import npz
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.npz import read_npz

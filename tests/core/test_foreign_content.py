@@ -19,7 +19,7 @@ from shapely.geometry import Point, box
 
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.trial_tables import read_measured, read_treatments
-from furrowmap.core.geodesy.parameter_file import read_parameters
+from furrowmap.core.geodesy.projection import read_parameters
 from furrowmap.core.pipeline.session_aid import read_pixels
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields

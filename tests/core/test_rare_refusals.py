@@ -21,11 +21,11 @@ from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.crops.response import fit_logistic
 from furrowmap.core.crops.trial_tables import read_treatments
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.geodesy.parameter_file import read_parameters
+from furrowmap.core.geodesy.projection import read_parameters
 from furrowmap.core.images.board import expect_opencv
 from furrowmap.core.pipeline.notices import refuse_empty
 from furrowmap.core.pointclouds.placed import Placement
-from furrowmap.core.readers import zipped_layer
+from furrowmap.core.readers import text_table
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.exif import expect_pillow
@@ -94,7 +94,7 @@ def zipped(path: Path, files: dict[str, bytes]) -> Path:
 def test_archives__without_one_layer(
     files: dict[str, bytes], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(zipped_layer, "MAX_FILES", 3)
+    monkeypatch.setattr(text_table, "MAX_FILES", 3)
     with refusal("within-unreadable", words):
         read_area(zipped(tmp_path / "area.zip", files), MAP)
 

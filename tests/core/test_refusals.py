@@ -15,17 +15,16 @@ import shapely
 from pyproj import CRS
 
 from furrowmap.core.checking.receivers import evaluate_logs
-from furrowmap.core.geodesy import parameter_file
+from furrowmap.core.geodesy import projection
 from furrowmap.core.geodesy.crs_change import crs_of
 from furrowmap.core.geodesy.height_system import height_system
-from furrowmap.core.geodesy.parameter_file import read_parameters
+from furrowmap.core.geodesy.projection import read_parameters
 from furrowmap.core.readers import boundary, reader, states_csv, surveyed_points, vector_file
 from furrowmap.core.readers.isoxml import files, time_log
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.poses.file import RawPoses
 from furrowmap.core.readers.reader import GROUP, ReadOptions, readers
-from furrowmap.core.readers.rosbag.bags import RosBag2
-from furrowmap.core.readers.rosbag.files import BagFiles
+from furrowmap.core.readers.rosbag.bags import BagFiles, RosBag2
 from furrowmap.core.readers.states_csv import StatesCsv
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import FurrowmapError, Notice
@@ -109,7 +108,7 @@ def test_parameters__of_an_earthquake_are_told_by_their_columns(
 
 def test_files__too_large_for_what_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bounds are lowered, so that the files are small; the rule is the same."""
-    monkeypatch.setattr(parameter_file, "MAX_PARAMETER_BYTES", 60)
+    monkeypatch.setattr(projection, "MAX_PARAMETER_BYTES", 60)
     monkeypatch.setattr(surveyed_points, "MAX_SURVEY_BYTES", 60)
     monkeypatch.setattr(vector_file, "MAX_VECTOR_BYTES", 60)
     with refusal("parameters-unreadable", "it has [0-9,]+ bytes"):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pysbf2
 import pyubx2
 
-from furrowmap.core.readers.novatel.messages import crc
+from furrowmap.core.readers.novatel.log import crc
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_gsof import epoch, transmission
 from tests.core.readers.test_novatel import BINARY, TEXT, bestnav, bestpos, unicore_binary

@@ -16,8 +16,7 @@ import shapely
 from furrowmap import fields
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.trial_tables import read_treatments
-from furrowmap.core.geodesy.parameter_file import read_parameters
-from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.geodesy.projection import map_frame, read_parameters
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+import struct
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,12 +13,19 @@ from typing import BinaryIO, Final
 import numpy as np
 import pyproj
 from numpy.typing import NDArray
+from pyproj.exceptions import CRSError, ProjError
 
-from furrowmap.core.readers.las.copc import CopcIndex, is_copc, read_index
-from furrowmap.core.readers.las.crs import stated_crs
 from furrowmap.core.readers.las.decoder import DECODER, Decoder
 from furrowmap.core.readers.las.e57 import read_e57
-from furrowmap.core.readers.las.header import LEAST_RECORD_BYTES, LasHeader, read_header
+from furrowmap.core.readers.las.header import (
+    LEAST_RECORD_BYTES,
+    ExtraDimension,
+    LasHeader,
+    LasRecord,
+    extra_dimensions,
+    read_header,
+    read_records,
+)
 from furrowmap.core.readers.las.laz import (
     LAZ_RECORD_ID,
     LAZ_USER_ID,
@@ -26,12 +35,263 @@ from furrowmap.core.readers.las.laz import (
     stream_points,
 )
 from furrowmap.core.readers.las.points import TIME_SAMPLE, CloudBatch, TimeKind, clock_of, layout, unpack
-from furrowmap.core.readers.las.records import ExtraDimension, extra_dimensions, read_records
 from furrowmap.core.readers.las.tables import E57_SIGNATURE, TABLE_HEADER_BYTES, PointTable, read_table
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.extents import bounds
+
+_USER_ID: Final = "LASF_Projection"
+_WKT, _KEYS, _DOUBLES, _TEXTS = 2112, 34735, 34736, 34737
+_MODEL, _GEOGRAPHIC, _PROJECTED = 1024, 2048, 3072
+"""GeoTIFF keys: model type, code of the geographic CRS, code of the projected CRS (or 32767: user-defined)."""
+_SAME: Final = 1e-3
+"""Two CRS are the same if the middle of the file differs by less than this between them, in their unit."""
+
+
+def stated_crs(
+    path: Path, header: LasHeader, records: tuple[LasRecord, ...]
+) -> tuple[pyproj.CRS | None, tuple[Notice, ...]]:
+    """The CRS that the records state; None if they state none, or none that PROJ understands.
+
+    If there are both WKT and GeoTIFF keys, the kind that the header announces is used.
+    """
+    notices: list[Notice] = []
+    texts = [r.data for r in records if (r.user, r.number) == (_USER_ID, _WKT) and r.data.strip(b"\0 ")]
+    keys = {r.number: r.data for r in reversed(records) if r.user == _USER_ID and r.number in (_KEYS, _DOUBLES, _TEXTS)}
+    by_text = next(filter(None, (_from_wkt(path, text, notices) for text in texts)), None)
+    by_keys = _from_keys(path, keys, notices)
+    first, second = (by_text, by_keys) if header.crs_is_wkt else (by_keys, by_text)
+    if first is not None and second is not None and not _same(first, second, header):
+        kinds = ("WKT", "GeoTIFF keys") if header.crs_is_wkt else ("GeoTIFF keys", "WKT")
+        notices.append(
+            Notice(
+                "crs-contradiction",
+                path=path.name,
+                first=first.name,
+                kinds=kinds[0],
+                second=second.name,
+                kinds_other=kinds[1],
+            )
+        )
+    return first or second, tuple(notices)
+
+
+def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | None:
+    text = data.split(b"\0")[0].decode("utf-8", "replace").strip()
+    try:
+        return pyproj.CRS.from_wkt(text)
+    except (CRSError, ProjError) as error:
+        reason = str(error).split(":")[0][:120]
+        notices.append(
+            Notice(
+                "crs-unreadable.wkt",
+                path=path.name,
+                start=text[:40],
+                more=len(text) > 40,
+                size_bytes=len(data),
+                reason=reason,
+            )
+        )
+        return None
+
+
+def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> pyproj.CRS | None:
+    """The CRS of GeoTIFF keys. GDAL reads it from a TIFF of one pixel: it knows user-defined CRS, units, old codes."""
+    directory = records.get(_KEYS, b"")
+    entries = struct.iter_unpack(
+        "<4H", directory[8 : 8 + (len(directory) - 8) // 8 * 8] if len(directory) >= 8 else b""
+    )
+    keys = {key: value for key, place, _, value in entries if place == 0}
+    if keys.get(_PROJECTED) or keys.get(_GEOGRAPHIC):
+        import rasterio
+        from rasterio.errors import RasterioError
+
+        try:
+            with (
+                rasterio.Env(GTIFF_REPORT_COMPD_CS=True),
+                rasterio.MemoryFile(_pixel(records), ext=".tif") as file,
+                file.open(driver="GTiff") as picture,
+            ):
+                found = pyproj.CRS.from_wkt(picture.crs.to_wkt()) if picture.crs else None
+        except (RasterioError, CRSError, ProjError, ValueError):
+            found = None
+        flat = found.sub_crs_list[0] if found is not None and found.is_compound else found
+        # GDAL makes a local CRS from keys that name none.
+        if flat is not None and (flat.is_projected or flat.is_geographic):
+            return found
+    elif not keys.get(_MODEL):
+        return None
+    notices.append(Notice("crs-unreadable", path=path.name))
+    return None
+
+
+def _pixel(records: dict[int, bytes]) -> bytes:
+    """A TIFF of one pixel with these GeoTIFF records, without the keys that point outside them."""
+    doubles = records.get(_DOUBLES, b"")[: len(records.get(_DOUBLES, b"")) // 8 * 8]
+    texts = records.get(_TEXTS, b"")
+    data = records[_KEYS]
+    entries = [
+        entry
+        for entry in struct.iter_unpack("<4H", data[8 : 8 + (len(data) - 8) // 8 * 8])
+        if entry[1] == 0
+        or (entry[1] == _DOUBLES and (entry[2] + entry[3]) * 8 <= len(doubles))
+        or (entry[1] == _TEXTS and entry[2] + entry[3] <= len(texts))
+    ]
+    entries = [entry for entry in sorted(entries) if entry[0]]
+    directory = struct.pack("<4H", 1, 1, 0, len(entries)) + b"".join(struct.pack("<4H", *entry) for entry in entries)
+    tags: list[tuple[int, int, int, bytes]] = [
+        (256, 3, 1, struct.pack("<H", 1)),
+        (257, 3, 1, struct.pack("<H", 1)),
+        (258, 3, 1, struct.pack("<H", 8)),
+        (262, 3, 1, struct.pack("<H", 1)),
+        (273, 4, 1, struct.pack("<I", 8)),
+        (277, 3, 1, struct.pack("<H", 1)),
+        (278, 3, 1, struct.pack("<H", 1)),
+        (279, 4, 1, struct.pack("<I", 1)),
+        (33550, 12, 3, struct.pack("<3d", 1, 1, 0)),
+        (33922, 12, 6, bytes(48)),
+        (_KEYS, 3, len(directory) // 2, directory),
+    ]
+    tags += [(_DOUBLES, 12, len(doubles) // 8, doubles)] if doubles else []
+    tags += [(_TEXTS, 2, len(texts) + 1, texts + b"\0")] if texts else []
+    start = 16
+    values = b""
+    entries_at = b""
+    for tag, kind, count, content in tags:
+        place = struct.pack("<I", start + len(values)) if len(content) > 4 else content.ljust(4, b"\0")
+        if len(content) > 4:
+            values += content + b"\0" * (len(content) % 2)
+        entries_at += struct.pack("<HHI", tag, kind, count) + place
+    pixel = bytes(8)
+    table = struct.pack("<H", len(tags)) + entries_at + bytes(4)
+    return b"II*\0" + struct.pack("<I", start + len(values)) + pixel + values + table
+
+
+def _same(one: pyproj.CRS, other: pyproj.CRS, header: LasHeader) -> bool:
+    if one.equals(other, ignore_axis_order=True):
+        return True
+    try:
+        to_other = pyproj.Transformer.from_crs(one.to_2d(), other.to_2d(), always_xy=True)
+        x, y = (0.5 * (low + high) for low, high in zip(header.low[:2], header.high[:2], strict=True))
+        return math.dist((x, y), to_other.transform(x, y)) < _SAME
+    except (CRSError, ProjError):
+        return False
+
+
+INFO_BYTES: Final = 160
+ENTRY: Final = np.dtype([("key", "<i4", 4), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])
+MAX_LEVEL: Final = 30
+MAX_PAGES: Final = 100_000
+_INFO: Final = struct.Struct("<5d2Q2d")
+
+
+@dataclass(frozen=True)
+class CopcIndex:
+    """An octree, checked against the file's chunks.
+
+    Attributes:
+        low: minimum x, y, z of the root's cube.
+        side: length of that cube's sides.
+        spacing: point spacing of the root.
+        keys: (n, 4) int32 level, x, y, z of each node with points.
+        chunks: (n,) index of the chunk with its points.
+    """
+
+    low: tuple[float, float, float]
+    side: float
+    spacing: float
+    keys: NDArray[np.int32]
+    chunks: NDArray[np.intp]
+
+    def chunks_in(self, box: tuple[float, float, float, float] | None, resolution: float | None) -> NDArray[np.intp]:
+        """Indices (n,) of the chunks for a box and a resolution, in the order of the file.
+
+        Args:
+            box: minimum x, minimum y, maximum x, maximum y; None for all.
+            resolution: point spacing that is sufficient; None for all points.
+        """
+        level = self.keys[:, 0]
+        keep = np.ones(len(level), bool)
+        if resolution is not None:
+            keep &= (level == 0) | (self.spacing / 2.0 ** (level - 1.0) > resolution)
+        if box is not None:
+            side = self.side / 2.0**level
+            for axis in (0, 1):
+                least = self.low[axis] + self.keys[:, 1 + axis] * side
+                # Writers round cubes: a point may lie slightly outside its own.
+                keep &= (least - 1e-6 * self.side <= box[2 + axis]) & (least + side + 1e-6 * self.side >= box[axis])
+        return np.sort(self.chunks[keep])
+
+
+def is_copc(records: Sequence[LasRecord]) -> bool:
+    """Whether the file is marked as COPC."""
+    return any((record.user, record.number) == ("copc", 1) for record in records)
+
+
+def read_index(
+    path: Path, file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz: LazPoints
+) -> tuple[CopcIndex | None, tuple[Notice, ...]]:
+    """The octree of a file that is marked as COPC; None, with a notice, if it is invalid."""
+    try:
+        return _index(file, header, records, laz), ()
+    except _OctreeError as fault:
+        return None, (Notice("copc-index", path=path.name, fault=fault),)
+
+
+class _OctreeError(Exception):
+    """What is wrong with the octree."""
+
+
+def _index(file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz: LazPoints) -> CopcIndex:
+    info = next(record for record in records if (record.user, record.number) == ("copc", 1))
+    if len(info.data) < INFO_BYTES:
+        raise _OctreeError(f"the info record has {len(info.data)} bytes instead of {INFO_BYTES}")
+    *cube, root_at, root_bytes, _, _ = _INFO.unpack_from(info.data)
+    x, y, z, half, spacing = cube
+    if not (np.isfinite(cube).all() and half > 0 and spacing > 0):
+        raise _OctreeError(f"half size of the cube {half:g}, spacing {spacing:g}")
+    entries = _entries(file, header, int(root_at), int(root_bytes))
+    nodes = entries[entries["points"] > 0]
+    if int(nodes["points"].sum(dtype=np.int64)) != header.points or len(nodes) != len(laz.points):
+        stated = f"{int(nodes['points'].sum(dtype=np.int64)):,} points in {len(nodes):,} nodes"
+        raise _OctreeError(f"it has {stated}, the file {header.points:,} points in {len(laz.points):,} chunks")
+    level, place = nodes["key"][:, :1], nodes["key"][:, 1:]
+    if np.any(level < 0) or np.any(level > MAX_LEVEL) or np.any(place < 0) or np.any(place >= 2.0**level):
+        raise _OctreeError("a node is outside the cube")
+    chunks = np.searchsorted(laz.begins, nodes["offset"].astype(np.int64))
+    fitting = chunks < len(laz.begins)
+    at = np.minimum(chunks, len(laz.begins) - 1)
+    for name, true in (("offset", laz.begins), ("bytes", laz.sizes), ("points", laz.points)):
+        fitting &= nodes[name].astype(np.int64) == true[at]
+    if not fitting.all():
+        number = int(np.flatnonzero(~fitting)[0])
+        node = "-".join(map(str, nodes["key"][number].tolist()))
+        raise _OctreeError(f"node {node} is not a chunk of the file (byte {int(nodes['offset'][number]):,})")
+    return CopcIndex((x - half, y - half, z - half), 2.0 * half, spacing, nodes["key"].copy(), chunks.astype(np.intp))
+
+
+def _entries(file: BinaryIO, header: LasHeader, root_at: int, root_bytes: int) -> NDArray[np.void]:
+    """All entries of all pages; each page is read once."""
+    waiting = [(root_at, root_bytes)]
+    seen: set[int] = set()
+    pages = [np.zeros(0, ENTRY)]
+    left = math.inf
+    while waiting:
+        at, size = waiting.pop()
+        if at in seen:
+            raise _OctreeError(f"the hierarchy page at byte {at:,} refers to itself")
+        seen.add(at)
+        if at < header.header_bytes or at + size > header.size_bytes or size < 0 or size % ENTRY.itemsize:
+            raise _OctreeError(f"a hierarchy page at bytes {at:,} to {at + size:,} is outside the file")
+        left = min(left, header.size_bytes) - size
+        if left < 0 or len(seen) > MAX_PAGES:
+            raise _OctreeError("hierarchy pages overlap")
+        file.seek(at)
+        page = np.frombuffer(file.read(size), ENTRY)
+        pages.append(page[page["points"] >= 0])
+        waiting += [(int(entry["offset"]), int(entry["bytes"])) for entry in page[page["points"] < 0]]
+    return np.concatenate(pages)
 
 
 @dataclass

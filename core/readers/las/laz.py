@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
-from furrowmap.core.readers.las.header import LasHeader
-from furrowmap.core.readers.las.records import LasRecord
+from furrowmap.core.readers.las.header import LasHeader, LasRecord
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.limits import expect_growth
 from furrowmap.core.runtime.settings import allows

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.geodesy.coarse_geoid import GEOID_SIGMA_M, coarse_geoid_m
+from furrowmap.core.geodesy.gravity import GEOID_SIGMA_M, coarse_geoid_m
 from furrowmap.core.readers.epochs import MAX_BACKWARD_SHARE, midnight_utc_s, midnights_utc_s
 from furrowmap.core.readers.inertial_rows import attitude_track
 from furrowmap.core.readers.messages import paired

@@ -13,8 +13,18 @@ from typing import Any, ClassVar, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.ouster.clock import PTP_PORT, SensorTime, announced_s, settle
-from furrowmap.core.readers.ouster.metadata import LEGACY, PROFILES, Metadata, heads, metadata_beside, packet_bytes
+from furrowmap.core.readers.ouster.metadata import (
+    LEGACY,
+    PROFILES,
+    PTP_PORT,
+    Metadata,
+    SensorTime,
+    announced_s,
+    heads,
+    metadata_beside,
+    packet_bytes,
+    settle,
+)
 from furrowmap.core.readers.ouster.packets import ByteArray, OusterDecoder
 from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, datagrams_of, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions

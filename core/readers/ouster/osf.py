@@ -25,8 +25,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.io import MemoryFile
 
 from furrowmap.core.readers.ouster.captures import OusterReader, OusterSensor, PacketSender, chosen_by_source
-from furrowmap.core.readers.ouster.clock import settle
-from furrowmap.core.readers.ouster.metadata import STAMP, Metadata
+from furrowmap.core.readers.ouster.metadata import STAMP, Metadata, settle
 from furrowmap.core.readers.ouster.packets import ByteArray, OusterDecoder
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Head

@@ -12,8 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.ouster.clock import SensorTime, settle
-from furrowmap.core.readers.ouster.metadata import STAMP, Heads, Metadata
+from furrowmap.core.readers.ouster.metadata import STAMP, Heads, Metadata, SensorTime, settle
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.kernels import kernel

@@ -12,14 +12,8 @@ from furrowmap.core.readers.implausible_positions import drop_implausible_positi
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.rosbag import messages as ros
 from furrowmap.core.readers.rosbag.clouds import CloudScans, LineScans
-from furrowmap.core.readers.rosbag.db3 import SQLITE_MAGIC
-from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
-from furrowmap.core.readers.rosbag.livox import LIVOX_CLOUDS
-from furrowmap.core.readers.rosbag.mcap import MCAP_MAGIC
-from furrowmap.core.readers.rosbag.messages import AttitudeLog, FixLog, ImuLog, SentenceLog, deserialize
-from furrowmap.core.readers.rosbag.pictures import ImageLog, camera_of_info, info_topic
-from furrowmap.core.readers.rosbag.rosbag1 import ROSBAG1_MAGIC
-from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.readers.rosbag.messages import LIVOX_CLOUDS, AttitudeLog, FixLog, ImuLog, SentenceLog, deserialize
+from furrowmap.core.readers.rosbag.storage import MCAP_MAGIC, ROSBAG1_MAGIC, SQLITE_MAGIC, BagMessage, Damage
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
@@ -32,7 +26,388 @@ from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock, Scan
 
 if TYPE_CHECKING:
-    from furrowmap.core.readers.rosbag.packets import OusterMessages, PacketScans
+    from furrowmap.core.readers.rosbag.bags import OusterMessages, PacketScans
+
+
+import mmap
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Collection
+from pathlib import PurePath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.exif import MAX_PIXELS, layout_fault
+from furrowmap.core.readers.hesai.captures import HESAI
+from furrowmap.core.readers.ouster.captures import looks_like_data, sensors_of
+from furrowmap.core.readers.ouster.metadata import Metadata, metadata_beside
+from furrowmap.core.readers.ouster.packets import OusterDecoder
+from furrowmap.core.readers.pcap import Datagrams
+from furrowmap.core.readers.rosbag.messages import PACKET_SCANS, seconds, stamp_s
+from furrowmap.core.readers.rosbag.storage import BagStorage, Db3Storage, McapStorage, Rosbag1Storage
+from furrowmap.core.readers.source import look
+from furrowmap.core.readers.spinning.angles import AngleTable
+from furrowmap.core.readers.spinning.decoder import PacketDecoder
+from furrowmap.core.readers.spinning.model import ByteArray
+from furrowmap.core.readers.velodyne.captures import VELODYNE
+from furrowmap.core.runtime.arrays import scratch_file
+from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.values.images import RawLayout, StoredImage
+
+_SUFFIXES: Final = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
+"""By the first bytes of the formats of CompressedImage that are read."""
+_EARLY_S: Final = 1e-3
+"""Frames of a camera may come this much earlier than its rate states."""
+_COMPRESSED_TOPIC: Final = re.compile(r"/compressed$")
+
+
+class ImageLog:
+    """Images collected from the messages of one topic.
+
+    Args:
+        every_s: images nearer than this to the one before are left out.
+        kept: whether their bytes are kept, too.
+    """
+
+    def __init__(self, every_s: float, *, kept: bool) -> None:
+        self._every_s, self._kept = every_s, kept
+        self._file = scratch_file() if kept else None
+        self._rows: list[tuple[str, int, int, RawLayout | None]] = []
+        self._times: list[tuple[float, float]] = []
+        self.encoding, self.size, self.left_out = "", "", 0
+
+    def add(self, content: Any, message: BagMessage) -> None:
+        """Add one message; Damage if its encoding is not supported, or its bytes are not such an image."""
+        at_s = stamp_s(content, message)
+        if self._times and 0.0 <= at_s - self._times[-1][0] < self._every_s - _EARLY_S:
+            self.left_out += 1
+            return
+        data = np.asarray(content.data, np.uint8).tobytes()
+        layout, suffix = None, ".raw"
+        if hasattr(content, "encoding"):
+            step, big_endian = int(content.step), bool(content.is_bigendian)
+            layout = RawLayout(int(content.width), int(content.height), step, str(content.encoding), big_endian)
+            fault = layout_fault(layout, len(data))
+            if fault or layout.width * layout.height > MAX_PIXELS:
+                raise Damage(fault or f"it has {layout.width} × {layout.height} pixels")
+        else:
+            suffix = next((suffix for start, suffix in _SUFFIXES.items() if data.startswith(start)), "")
+            stated = str(content.format)
+            if not suffix or stated.startswith("bayer") or "Depth" in stated:
+                raise Damage(f"the format {stated[:40]!r} is not supported (supported: JPEG, PNG)")
+        if not self._times:
+            self.encoding = layout.encoding if layout is not None else str(content.format)
+            self.size = f"{layout.width} × {layout.height}" if layout is not None else ""
+        begin = self._rows[-1][2] if self._rows else 0
+        if self._file is not None:
+            self._file.write(data)
+        name = f"{message.topic.strip('/').replace('/', '_')}_{at_s:.6f}{suffix}"
+        self._rows.append((name, begin, begin + len(data), layout))
+        self._times.append((at_s, message.received_ns * 1e-9))
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    @property
+    def t_s(self) -> NDArray[np.float64]:
+        """Stamps (n,), sorted."""
+        return np.sort(np.array([stamp for stamp, _ in self._times], np.float64))
+
+    def delay_s(self) -> float:
+        """Median of reception minus stamp."""
+        return float(np.median([received - stamp for stamp, received in self._times]))
+
+    def images(self) -> Images:
+        """All images in the order of their stamps."""
+        assert self._file is not None
+        self._file.flush()
+        with self._file as file:
+            mapped = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+        stored = [StoredImage(name, mapped[begin:end], layout) for name, begin, end, layout in self._rows]
+        return Images.sorted(stored, np.array([stamp for stamp, _ in self._times], np.float64))
+
+
+def info_topic(topic: str, infos: Sequence[str]) -> str | None:
+    """The topic of a camera's CameraInfo: beside its images (image_transport), else the only one; None without."""
+    beside = f"{_COMPRESSED_TOPIC.sub('', topic).rpartition('/')[0]}/camera_info"
+    return beside if beside in infos else infos[0] if len(infos) == 1 else None
+
+
+def camera_of_info(content: Any, topic: str) -> Camera:
+    """The camera of a CameraInfo message: K and D, or P for a topic of rectified images.
+
+    Raises:
+        ValueError: if the message is of a camera that is not calibrated or not supported.
+    """
+    k, d, p = (np.asarray(getattr(content, n, getattr(content, n.upper(), None)), np.float64).ravel() for n in "kdp")
+    if max(content.binning_x, content.binning_y) > 1 or content.roi.x_offset or content.roi.y_offset:
+        raise ValueError("it states binning or a region of interest")
+    if "rect" in _COMPRESSED_TOPIC.sub("", topic).rpartition("/")[2]:
+        k, d = p[[0, 1, 2, 4, 5, 6, 8, 9, 10]], np.zeros(0)
+    if not (np.isfinite(k).all() and k[0] > 0.0 and k[4] > 0.0):
+        raise ValueError("its matrix K is 0: the camera is not calibrated")
+    known = content.distortion_model in ("plumb_bob", "rational_polynomial", "")
+    if d.any() and (not known or np.any(d[5:]) or len(d) < 4):
+        raise ValueError(f"its distortion model {content.distortion_model[:30]!r} is none with k1, k2, p1, p2 and k3")
+    k1, k2, p1, p2, k3 = (float(value) for value in np.pad(d, (0, 5))[:5])
+    fx, fy, cx, cy = (float(k[at]) for at in (0, 4, 2, 5))
+    return Camera(int(content.width), int(content.height), fx, fy, cx, cy, k1, k2, k3, p1, p2)
+
+
+_BATCH_PACKETS: Final = 1000
+_MAKERS: Final = {maker.name: maker for maker in (VELODYNE, HESAI)}
+
+
+class _PacketMessages(ABC):
+    """Decodes the messages of one topic into scans, many packets together."""
+
+    def __init__(self) -> None:
+        self._held: list[tuple[ByteArray, float]] = []
+
+    @abstractmethod
+    def _packets(self, content: Any, message: BagMessage) -> Iterator[tuple[ByteArray, float]]:
+        """The packets of a message, and when the recorder or the driver received each."""
+
+    @abstractmethod
+    def _decode(self, packets: Datagrams) -> list[Scan]:
+        """The scans that packets complete."""
+
+    def push(self, content: Any, message: BagMessage) -> list[Scan]:
+        """The scans that this message completes."""
+        self._held += self._packets(content, message)
+        return self._decode_held() if len(self._held) >= _BATCH_PACKETS else []
+
+    def _decode_held(self) -> list[Scan]:
+        if not self._held:
+            return []
+        payloads = [payload for payload, _ in self._held]
+        length, host_s = np.array([len(payload) for payload in payloads]), np.array([at_s for _, at_s in self._held])
+        self._held = []
+        senders = np.zeros(len(length), np.uint64)
+        return self._decode(Datagrams(np.concatenate(payloads), np.cumsum(length) - length, length, host_s, senders))
+
+
+class PacketScans(_PacketMessages):
+    """Packets of spinning scanners.
+
+    Args:
+        path: the bag, beside which a calibration may be.
+        kind: type of the messages.
+        options: `model` and `near_s` are used.
+    """
+
+    def __init__(self, source: str, path: Path, kind: str, options: ReadOptions) -> None:
+        super().__init__()
+        maker = _MAKERS[PACKET_SCANS[kind]]
+        angles = AngleTable.beside([path]) if maker.calibrated else None
+        self._maker = maker
+        self._decoder = PacketDecoder(maker, options.model, angles=angles, where=source, near_s=options.near_s)
+
+    def _packets(self, content: Any, message: BagMessage) -> Iterator[tuple[ByteArray, float]]:
+        at_s = stamp_s(content, message)
+        for packet in content.packets:
+            data = np.asarray(packet.data, np.uint8)
+            yield data[: packet.size] if hasattr(packet, "size") else data, seconds(packet.stamp) or at_s
+
+    def _decode(self, packets: Datagrams) -> list[Scan]:
+        product = self._maker.products(packets.data, packets.offset, packets.length)
+        return self._decoder.push_at(packets.data, packets.offset, product, packets.time_s)
+
+    def finish(self) -> list[Scan]:
+        """The scans that are still open."""
+        return self._decode_held() + self._decoder.finish()
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that the times come from; known with the first scan."""
+        return self._decoder.kind
+
+    def facts(self) -> dict[str, Any]:
+        """What `inspect` reports."""
+        counts, model = self._decoder.counts, self._decoder.model
+        return {
+            "model": model.name if model else None,
+            **self._decoder.angles,
+            "return_modes": {self._maker.mode_name(mode): n for mode, n in counts.modes.items()},
+            "packets": counts.packets,
+            "rpm": round(counts.rpm, 1),
+        }
+
+    def notices(self) -> list[Notice]:
+        """What is unusual; complete after `finish`."""
+        return self._decoder.notices()
+
+
+class OusterMessages(_PacketMessages):
+    """Messages of single packets of an Ouster.
+
+    Args:
+        texts: name and text of messages of the bag that may be the sensor's metadata; without any, they are sought in
+            the folder of the bag.
+        options: `model` is used.
+    """
+
+    def __init__(self, path: Path, texts: Sequence[tuple[str, str]], options: ReadOptions) -> None:
+        super().__init__()
+        self._path, self._texts, self._options = path, texts, options
+        self._decoder: OusterDecoder | None = None
+        self._length = 0
+        self._uncertain: list[Notice] = []
+
+    def _packets(self, content: Any, message: BagMessage) -> Iterator[tuple[ByteArray, float]]:
+        yield np.asarray(content.buf, np.uint8), message.received_ns * 1e-9
+
+    def _decode(self, packets: Datagrams) -> list[Scan]:
+        if self._decoder is None:
+            self._decoder = self._started(packets)
+        mine = packets.length == self._length
+        return self._decoder.push(packets.data, packets.offset[mine], packets.time_s[mine])
+
+    def finish(self) -> list[Scan]:
+        """The scans that are still open."""
+        return self._decode_held() + (self._decoder.finish() if self._decoder else [])
+
+    def _started(self, packets: Datagrams) -> OusterDecoder:
+        """The decoder with the metadata of the sensor that sends these packets."""
+        found = looks_like_data(packets)
+        if not found:
+            raise InputError("no-packets", paths=self._path, frames=f"{len(packets):,} other messages")
+        told, faults = list[Metadata](), list[str]()
+        for name, text in self._texts:
+            try:
+                metadata = Metadata.parse(text, f"{self._path.name} {name}")
+            except ValueError as error:
+                faults.append(f"{name}: {error}")
+            else:
+                told += [metadata] if metadata else []
+        beside = (told, faults) if told else metadata_beside(self._path)
+        sensors, self._uncertain = sensors_of(self._path, found, beside, self._options.model)
+        self._length = sensors[0].sender.length
+        return OusterDecoder(sensors[0].metadata)
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that the times come from; known with the first scan."""
+        return self._decoder.clock if self._decoder else Clock.RECORDER
+
+    def facts(self) -> dict[str, Any]:
+        """What `inspect` reports."""
+        return self._decoder.facts() if self._decoder else {}
+
+    def notices(self) -> list[Notice]:
+        """What is unusual; complete after `finish`."""
+        return [*self._uncertain, *(self._decoder.notices() if self._decoder else [])]
+
+
+METADATA: Final = "metadata.yaml"
+
+_STORAGE_NAME: Final = re.compile(r".+\.(db3|mcap)(\.(zstd|zst|gz|xz))?", re.IGNORECASE)
+# Recorders write metadata.yaml in one form, indented by two spaces; only these two entries are needed. A YAML parser
+# would take minutes for a hostile file with a few thousand brackets.
+_FILES: Final = re.compile(r"^ {2}relative_file_paths: *\n((?: *- .+\n)+)", re.MULTILINE)
+_MESSAGES: Final = re.compile(r"^ {2}message_count: (\d{1,18}) *$", re.MULTILINE)
+
+
+class BagFiles:
+    """The files of a recording, in the order of time.
+
+    Args:
+        paths: files, or folders of ROS 2 bags.
+
+    Attributes:
+        notices: files that are missing or damaged; complete when the messages have ended.
+
+    Raises:
+        InputError: if a folder has no file of a bag.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self.notices: list[Notice] = []
+        self._declared = 0
+        self._files = [file for path in paths for file in self._files_of(path)]
+        self._sizes = [file.stat().st_size for file in self._files]
+        self._behind = 0
+        self._open: BagStorage | None = None
+
+    @property
+    def share_read(self) -> float:
+        """How much has been read, 0 to 1."""
+        now = self._sizes[self._behind] * self._open.share_read if self._open else 0.0
+        return (sum(self._sizes[: self._behind]) + now) / max(sum(self._sizes), 1)
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """The messages (of some topics) of all files, each file's in the order of recording.
+
+        Raises:
+            InputError: if the only file cannot be read.
+        """
+        total = 0
+        for behind, file in enumerate(self._files):
+            self._behind = behind
+            try:
+                storage = self._open = _open_storage(file)
+                count = 0
+                for message in storage.messages(topics):
+                    count += 1
+                    yield message
+            except InputError as error:
+                if len(self._files) == 1:
+                    raise
+                self.notices.append(Notice.from_error(error))
+                continue
+            self.notices += storage.notices
+            total += count
+            if topics is None and storage.declared not in (None, count):
+                self.notices.append(Notice("bag-count.index", file=file, count=count, declared=storage.declared))
+        if topics is None and self._declared and total != self._declared:
+            self.notices.append(Notice("bag-count", total=total, declared=self._declared))
+
+    def _files_of(self, path: Path) -> list[Path]:
+        """The file itself; of a folder, the files named in its metadata, else those with the names of bag files."""
+        if not path.is_dir():
+            return [path]
+        names = self._names_in_metadata(path / METADATA)
+        missing = [name for name in names if not (is_file_name(name) and (path / name).is_file())]
+        if missing:
+            self.notices.append(Notice("bag-file-missing", path=path, missing=", ".join(missing)))
+        files = [path / name for name in names if name not in missing] or storage_files(path)
+        if not files:
+            raise InputError("bag-folder-empty", path=path)
+        return files
+
+    def _names_in_metadata(self, file: Path) -> list[str]:
+        """The files that metadata.yaml names; none, with a notice, if it is missing or damaged."""
+        try:
+            text = file.read_text(encoding="utf-8", errors="replace")
+        except OSError as error:
+            self.notices.append(Notice("bag-no-metadata", file=file, reason=error.strerror))
+            return []
+        files, messages = _FILES.search(text), _MESSAGES.search(text)
+        if files is None or messages is None:
+            self.notices.append(Notice("bag-metadata-damaged", file=file))
+            return []
+        self._declared += int(messages[1])
+        # Folders in the names are ignored, so that nothing outside the bag is read.
+        return [PurePath(line.strip().removeprefix("- ").strip("\"'")).name for line in files[1].splitlines()]
+
+
+def storage_files(folder: Path) -> list[Path]:
+    """Files in a folder with the names of ROS 2 bag files, in the order of their numbers."""
+    return sorted(
+        (file for file in folder.iterdir() if _STORAGE_NAME.fullmatch(file.name) and file.is_file()),
+        key=lambda file: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)],
+    )
+
+
+def _open_storage(path: Path) -> BagStorage:
+    """The file's storage, by its content."""
+    data = look(path).data
+    for magic, storage in ((ROSBAG1_MAGIC, Rosbag1Storage), (MCAP_MAGIC, McapStorage), (SQLITE_MAGIC, Db3Storage)):
+        if data.startswith(magic):
+            return storage(path)
+    raise InputError("bag-unknown-storage", path=path)
+
 
 T = TypeVar("T")
 Log = TypeVar("Log", FixLog, SentenceLog, ImuLog, AttitudeLog, ImageLog)
@@ -201,7 +576,7 @@ class _RosBag(FileReader):
         source = self._source(chosen)
         if chosen.type not in ros.PACKET_SCANS:
             return LineScans(source) if chosen.type == ros.LASER_SCAN else CloudScans(source)
-        from furrowmap.core.readers.rosbag.packets import OusterMessages, PacketScans
+        from furrowmap.core.readers.rosbag.bags import OusterMessages, PacketScans
 
         if ros.PACKET_SCANS[chosen.type] == "Ouster":
             texts = [topic for topic in self._found() if topic.type == ros.TEXT and "metadata" in topic.name]

@@ -4,10 +4,10 @@ An Imu message has specific force in m/s² and angular rate in rad/s, along the 
 rest the force points up. A covariance that begins with −1 means that its quantity was not measured.
 
 Definitions: the ROS packages sensor_msgs, velodyne_msgs, pandar_msgs (also named hesai_lidar), hesai_ros_driver,
-nmea_msgs and dji_sdk. DJI's node publishes attitudes as AttitudeQuaternion (forward, right, down to north, east, down)
-and positions as GlobalPosition up to version 3.2, and both as messages of ROS from 3.3 on; its headings are from true
-north, its heights from the barometer, above sea level. `rosbags` is imported with the first message, because all
-readers are imported at each start.
+nmea_msgs, livox_ros_driver and livox_ros_driver2 (CustomMsg and CustomPoint), and dji_sdk. DJI's node publishes
+attitudes as AttitudeQuaternion (forward, right, down to north, east, down) and positions as GlobalPosition up to
+version 3.2, and both as messages of ROS from 3.3 on; its headings are from true north, its heights from the barometer,
+above sea level. `rosbags` is imported with the first message, because all readers are imported at each start.
 """
 
 from __future__ import annotations
@@ -24,9 +24,8 @@ from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, i
 from furrowmap.core.readers.nmea.log import assemble
 from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, scan_bytes
 from furrowmap.core.readers.position_log import LoggedPositions
-from furrowmap.core.readers.rosbag.livox import LIVOX_CLOUDS, livox_cloud
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, decompress_message
-from furrowmap.core.readers.velodyne.models import PACKET_BYTES
+from furrowmap.core.readers.velodyne.captures import PACKET_BYTES
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle
@@ -37,6 +36,59 @@ from furrowmap.core.values.rotation import quaternion_to_attitude
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
+
+
+import struct
+from types import SimpleNamespace
+
+LIVOX_CLOUDS: Final = ("livox_ros_driver2/msg/CustomMsg", "livox_ros_driver/msg/CustomMsg")
+_CUSTOM: Final = {
+    "offset_time": (6, 0),
+    "x": (7, 4),
+    "y": (7, 8),
+    "z": (7, 12),
+    "reflectivity": (2, 16),
+    "line": (2, 18),
+}
+"""Field → datatype as in PointCloud2, and offset."""
+_CUSTOM_BYTES: Final = 19
+
+
+def livox_cloud(data: bytes, encoding: str) -> Any:
+    """The content of a serialised CustomMsg, with the attributes of a PointCloud2.
+
+    Times of points are nanoseconds from the message's stamp, which is that of the first point. Damage if the bytes are
+    not such a message.
+    """
+    ros1 = encoding == "ros1"
+    try:
+        if ros1:
+            _, sec, nanosec, text = struct.unpack_from("<IIII", data, 0)
+            at = 16 + text + 8 + 4 + 4  # time of the first point, number of points, lidar
+        else:
+            if data[:2] != b"\x00\x01":
+                raise Damage("not little-endian CDR")
+            sec, nanosec, text = struct.unpack_from("<iII", data, 4)
+            at = 4 + (12 + text + 7) // 8 * 8 + 8 + 4 + 4  # aligned to 8 bytes from the end of the first four
+        (points,) = struct.unpack_from("<I", data, at)
+    except struct.error:
+        raise Damage(f"{len(data)} bytes are no CustomMsg") from None
+    step = _CUSTOM_BYTES + (not ros1)  # CDR aligns each point to 4 bytes, but does not fill up the last
+    there = len(data) - at - 4
+    if points and not points * step - (step - _CUSTOM_BYTES) <= there <= points * step:
+        raise Damage(f"{points} points do not match {there} bytes of data")
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec)),
+        height=1,
+        width=points,
+        point_step=step,
+        row_step=points * step,
+        is_bigendian=False,
+        is_dense=True,
+        fields=[SimpleNamespace(name=name, datatype=kind, offset=offset) for name, (kind, offset) in _CUSTOM.items()],
+        data=np.frombuffer(data[at + 4 :].ljust(points * step, b"\0"), np.uint8),
+    )
+
 
 NOT_MEASURED: Final = -1.0
 

@@ -1,29 +1,37 @@
-"""What the storages of ROS bags have in common.
+"""The storages of ROS bags: ROS 1 (V2.0), MCAP and SQLite (.db3), complete, without an index, or truncated.
 
 A storage is read once from start to end, in the order of recording, without its index. So the same code reads complete
 bags, bags that were never closed and truncated ones. Memory holds one chunk, and no size that a file declares is
 trusted before that many bytes have been read.
+
+Sources: the ROS wiki's page 'Bags/Format/2.0', the MCAP format specification (https://mcap.dev/spec), and the schema in
+rosbag2_storage_sqlite3. A bag of ROS 1 is a sequence of records: a header of named fields, then data. One of MCAP is a
+sequence of opcode, length and content. In both, messages and their connections or channels are in chunks or separate;
+the summary at the end only repeats and counts them. In a database two tables matter: `topics` (id, name, type,
+serialization_format) and `messages` (topic_id, timestamp, data), whose rows are in the order of reception.
 """
 
 from __future__ import annotations
 
 import bz2
+import json
+import shutil
+import sqlite3
 import struct
 import sys
+import tempfile
 import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
+from contextlib import closing
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
+from urllib.parse import quote
 
 from furrowmap.core.readers.source import Source
-from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.limits import expect_disk
 from furrowmap.core.values.clock import iso_utc
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
 
 MAX_RECORD_BYTES = 1 << 29
 """Largest plausible record or chunk: a rosbag chunk has 768 KiB or a single message, one of an MCAP file a few MiB."""
@@ -245,3 +253,270 @@ def _decompressor(method: str) -> tuple[Any, tuple[type[Exception], ...]]:
     if method == "zstd":
         return zstd.ZstdDecompressor(), (zstd.ZstdError, EOFError)
     raise Damage(f"unsupported compression {method[:20]!r} of a chunk (supported: lz4, bz2, zstd)")
+
+
+ROSBAG1_MAGIC: Final = b"#ROSBAG V"
+_VERSION: Final = b"#ROSBAG V2.0\n"
+
+_MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in range(2, 8))
+_U32 = struct.Struct("<I")
+_TIME = struct.Struct("<II")
+
+_Fields = dict[bytes, bytes]
+
+
+class Rosbag1Storage(RecordStorage):
+    """A ROS 1 bag, read once."""
+
+    declared_by: ClassVar[str] = "connections"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._connections: dict[int, tuple[str, str]] = {}
+
+    def _read(self, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        line = self._take(len(_VERSION))
+        if line != _VERSION:
+            version = line[len(ROSBAG1_MAGIC) :].decode("ascii", "replace").strip()
+            raise InputError("bag-version", path=self.path, version=version or "unknown")
+        counted: int | None = None
+        indexed = False
+        while head := self._take_head(4):
+            header = self._take_whole(_U32.unpack(head)[0])
+            size = self._take(4)
+            if len(size) < 4:
+                raise Damage("the file ends within the header of a record")
+            fields = _fields(header)
+            op = fields.get(b"op")
+            data = self._take_whole(_U32.unpack(size)[0], may_be_cut=op == _CHUNK)
+            if op == _BAG:
+                indexed = any(fields.get(b"index_pos", b""))
+                if encryptor := fields.get(b"encryptor"):
+                    raise InputError("bag-encrypted", path=self.path, value=encryptor.decode("ascii", "replace"))
+            elif op == _CHUNK_INFO:
+                counted = (counted or 0) + sum(n for _, n in _TIME.iter_unpack(data[: len(data) // 8 * 8]))
+            elif op == _CHUNK:
+                yield from self._chunk(fields, data, topics)
+            elif op in (_MESSAGE, _CONNECTION):
+                if (message := self._message(fields, data, topics)) is not None:
+                    yield message
+            elif op != _INDEX:
+                self._note("bag-record-unknown", where=self._where())
+        self.declared = counted
+        if not indexed:
+            self._note("bag-unindexed")
+        elif counted is None:
+            self._note("bag-cut.index", where=self._where(), lost=self._lost())
+
+    def _chunk_content(self, header: _Fields, data: bytes) -> tuple[bytes, str, int, int]:
+        return data, header[b"compression"].decode("ascii", "replace"), _U32.unpack(header[b"size"])[0], 0
+
+    def _messages_of(self, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        at = 0
+        while at < len(content):
+            try:
+                begin = at + 4 + _U32.unpack_from(content, at)[0] + 4
+                end = begin + _U32.unpack_from(content, begin - 4)[0]
+            except struct.error:
+                raise Damage("it ends within the header of a record") from None
+            if end > len(content):
+                raise Damage(f"its last record is truncated by {end - len(content)} bytes")
+            message = self._message(_fields(content[at + 4 : begin - 4]), content[begin:end], topics)
+            if message is not None:
+                yield message
+            at = end
+
+    def _message(self, fields: _Fields, data: bytes, topics: Collection[str] | None) -> BagMessage | None:
+        """The message in a record, if it is one of these topics; connections are stored."""
+        try:
+            op = fields[b"op"]
+            if op == _CONNECTION:
+                topic, kind = fields[b"topic"].decode(), ros2_type(_fields(data)[b"type"].decode())
+                self._connections[_U32.unpack(fields[b"conn"])[0]] = topic, kind
+            elif op == _MESSAGE:
+                seconds, nanoseconds = _TIME.unpack(fields[b"time"])
+                topic, kind = self._connections[_U32.unpack(fields[b"conn"])[0]]
+                self._last_ns = seconds * 1_000_000_000 + nanoseconds
+                if topics is None or topic in topics:
+                    return BagMessage(topic, kind, "ros1", self._last_ns, data)
+        except (KeyError, struct.error, UnicodeDecodeError, Damage):
+            self._orphans += 1
+        return None
+
+
+def _fields(header: bytes) -> _Fields:
+    """The fields of a record's header: each a length, a name, '=' and a value."""
+    fields: _Fields = {}
+    position = 0
+    while position < len(header):
+        end = position + 4 + int.from_bytes(header[position : position + 4], "little")
+        name, equals, value = header[position + 4 : end].partition(b"=")
+        if end > len(header) or not equals:
+            raise Damage("the header of a record is damaged")
+        fields[name] = value
+        position = end
+    return fields
+
+
+MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
+
+_FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _STATISTICS = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0B
+_KNOWN = range(0x01, 0x10)
+_PRIVATE = range(0x80, 0x100)
+_RECORD = struct.Struct("<BQ")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_CHUNK_HEAD = struct.Struct("<QQQI")
+
+
+class McapStorage(RecordStorage):
+    """An MCAP file, read once."""
+
+    declared_by: ClassVar[str] = "channels"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, tuple[str, str, str]] = {}
+
+    def _read(self, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        self._take(len(MCAP_MAGIC))
+        while head := self._take_head(_RECORD.size):
+            op, size = _RECORD.unpack(head)
+            if op not in _KNOWN and op not in _PRIVATE:
+                raise Damage(f"unknown record type {op}")
+            content = self._take_whole(size, may_be_cut=op == _MCAP_CHUNK)
+            if op == _FOOTER:
+                return
+            if op == _STATISTICS:
+                self.declared = int.from_bytes(content[:8], "little")
+            elif op == _MCAP_CHUNK:
+                yield from self._chunk(None, content, topics)
+            elif (message := self._message(op, content, topics)) is not None:
+                yield message
+        self._note("bag-cut.footer", where=self._where(), lost=self._lost())
+
+    def _chunk_content(self, header: None, data: bytes) -> tuple[bytes, str, int, int]:  # noqa: ARG002
+        _, _, size, checksum = _CHUNK_HEAD.unpack_from(data)
+        method, start = _string(data, _CHUNK_HEAD.size)
+        (packed,) = struct.unpack_from("<Q", data, start)
+        return data[start + 8 : start + 8 + packed], method, size, checksum
+
+    def _messages_of(self, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        at = 0
+        while at < len(content):
+            begin = at + _RECORD.size
+            op, size = _RECORD.unpack_from(content, at) if begin <= len(content) else (0, 0)
+            at = begin + size
+            if at > len(content):
+                raise Damage("its last record is truncated")
+            if (message := self._message(op, content[begin:at], topics)) is not None:
+                yield message
+
+    def _message(self, op: int, content: bytes, topics: Collection[str] | None) -> BagMessage | None:
+        """The message in a record, if it is one of these topics; schemas and channels are stored."""
+        try:
+            if op == _MCAP_MESSAGE:
+                channel, _, log_ns, _ = _MESSAGE_HEAD.unpack_from(content)
+                topic, kind, encoding = self._channels[channel]
+                self._last_ns = log_ns
+                if topics is None or topic in topics:
+                    return BagMessage(topic, kind, encoding, log_ns, content[_MESSAGE_HEAD.size :])
+            elif op == _SCHEMA:
+                name, _ = _string(content, 2)
+                self._schemas[int.from_bytes(content[:2], "little")] = name
+            elif op == _CHANNEL:
+                channel, schema = struct.unpack_from("<HH", content)
+                topic, after = _string(content, 4)
+                encoding, _ = _string(content, after)
+                self._channels[channel] = (topic, ros2_type(self._schemas.get(schema, "")), encoding)
+        except (KeyError, struct.error, UnicodeDecodeError):
+            self._orphans += 1
+        return None
+
+
+def _string(content: bytes, position: int) -> tuple[str, int]:
+    """The string at `position`, and its end."""
+    (size,) = struct.unpack_from("<I", content, position)
+    end = position + 4 + size
+    if end > len(content):
+        raise struct.error
+    return content[position + 4 : end].decode(), end
+
+
+SQLITE_MAGIC: Final = b"SQLite format 3\x00"
+
+
+class Db3Storage(BagStorage):
+    """A .db3 file, read once."""
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """See :meth:`BagStorage.messages`."""
+        with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
+            database, writable = self._plain(Path(folder))
+            self._note_missing_pages(database)
+            flags = "mode=rw" if writable else "mode=ro&immutable=1"
+            try:
+                with closing(sqlite3.connect(f"file:{quote(str(database))}?{flags}", uri=True)) as connection:
+                    largest = min(MAX_RECORD_BYTES, database.stat().st_size)
+                    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, largest)
+                    yield from self._rows(connection, topics)
+            except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
+                self._note("bag-cut.database", error=error)
+        self.share_read = 1.0
+
+    def _plain(self, folder: Path) -> tuple[Path, bool]:
+        """The database to open, and whether it is a copy: unpacked, or with a journal that SQLite has to complete."""
+        journals = [Path(f"{self.path}{end}") for end in ("-wal", "-journal")]
+        journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
+        with Source(self.path) as source:
+            if not source.compression and not journals:
+                return self.path.resolve(), False
+            copy = folder / "bag.db3"
+            with copy.open("wb") as file:
+                while piece := source.read(1 << 20):
+                    expect_disk(self.path, folder, max(file.tell(), 0 if source.compression else source.size_bytes))
+                    file.write(piece)
+            if source.fault:
+                self._note("bag-cut.unpacking", fault=source.fault)
+        for journal in journals:
+            shutil.copyfile(journal, f"{copy}{journal.name[len(self.path.name) :]}")
+            self._note("bag-unclosed", journal=journal.name)
+        return copy, True
+
+    def _note_missing_pages(self, database: Path) -> None:
+        """Compare the size with the header's (sqlite.org/fileformat.html, 1.3.7), which SQLite does only if need be."""
+        with database.open("rb") as file:
+            header = file.read(100)
+        page_bytes = int.from_bytes(header[16:18], "big")
+        pages = int.from_bytes(header[28:32], "big") if header[24:28] == header[92:96] else 0
+        expected, there = pages * (65536 if page_bytes == 1 else page_bytes), database.stat().st_size
+        if there < expected:
+            self._note("bag-cut.size", size_bytes=there, expected=expected)
+
+    def _rows(self, connection: sqlite3.Connection, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        rows = connection.execute("SELECT id, name, type, serialization_format FROM topics")
+        # Converted bags state no format: messages of ROS 2 are CDR.
+        known = {number: (str(name), ros2_type(str(kind)), str(form or "cdr")) for number, name, kind, form in rows}
+        wanted = [number for number, (topic, _, _) in known.items() if topics is None or topic in topics]
+        (last,) = connection.execute("SELECT max(id) FROM messages").fetchone()
+        rows = connection.execute(
+            "SELECT id, topic_id, timestamp, data FROM messages WHERE topic_id IN (SELECT value FROM json_each(?))"
+            " ORDER BY id",
+            (json.dumps(wanted),),
+        )
+        damaged = 0
+        for row, number, received_ns, data in rows:
+            if isinstance(row, int) and isinstance(last, int) and last > 0:  # a table may be made otherwise
+                self.share_read = min(1.0, max(0.0, row / last))
+            if number in known and isinstance(received_ns, int) and isinstance(data, bytes):
+                yield BagMessage(*known[number], received_ns, data)
+            else:
+                damaged += 1
+        if damaged:
+            self._note("bag-orphans.rows", damaged=damaged)
+
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd

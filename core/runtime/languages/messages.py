@@ -17,7 +17,7 @@ from importlib.resources import files
 from itertools import product
 from typing import Any, Final, TypeAlias
 
-from furrowmap.core.runtime.urls import without_passwords
+from furrowmap.core.runtime.file_names import without_passwords
 
 Part: TypeAlias = "str | Hole | Choice"
 ERROR_PARTS: Final = ("what", "meaning", "remedy")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from furrowmap.core.geodesy.coarse_geoid import GEOID_SIGMA_M, coarse_geoid_m
+from furrowmap.core.geodesy.gravity import GEOID_SIGMA_M, coarse_geoid_m
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,7 @@ from furrowmap.core.geodesy.coordinates import (
     transform_track,
 )
 from furrowmap.core.geodesy.height_system import height_system
-from furrowmap.core.geodesy.parameter_file import ParameterFile, read_parameters
-from furrowmap.core.geodesy.projection import MapFrame, map_frame, stated_frame
+from furrowmap.core.geodesy.projection import MapFrame, ParameterFile, map_frame, read_parameters, stated_frame
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.values.gnss import Fix, GnssTrack

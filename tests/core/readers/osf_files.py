@@ -12,7 +12,7 @@ from zlib import compress, crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.ouster import OS1_PIXEL_DUAL
+from furrowmap.core.simulator.recording import OS1_PIXEL_DUAL
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from furrowmap.core.readers.hesai.captures import HesaiPcap
-from furrowmap.core.readers.hesai.models import HESAI
+from furrowmap.core.readers.hesai.captures import HESAI, HesaiPcap
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording
 from furrowmap.core.readers.spinning.clock import SensorClock
 from furrowmap.core.readers.spinning.decoder import PacketDecoder

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.readers.messages import MessageCounts
-from furrowmap.core.readers.novatel.log import NovatelLog
-from furrowmap.core.readers.novatel.messages import scan_bytes
+from furrowmap.core.readers.novatel.log import NovatelLog, scan_bytes
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import GPS_EPOCH_S, WEEK_S

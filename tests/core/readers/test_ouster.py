@@ -20,8 +20,8 @@ from furrowmap.core.readers.ouster.captures import OusterPcap
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, Recognised, open_recording
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.capture import FILE_HEADER, records
-from furrowmap.core.simulator.ouster import OS1_32, metadata
 from furrowmap.core.simulator.rays import Returns
+from furrowmap.core.simulator.recording import OS1_32, metadata
 from furrowmap.core.simulator.scenario import Scenario, ScenarioLidar
 from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.values.scan import Clock, Scan

@@ -21,7 +21,7 @@ import lz4.frame
 import pytest
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording
-from furrowmap.core.readers.rosbag.files import BagFiles
+from furrowmap.core.readers.rosbag.bags import BagFiles
 from furrowmap.core.readers.rosbag.storage import MAX_RECORD_BYTES, Damage, decompress_message, inflate
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix

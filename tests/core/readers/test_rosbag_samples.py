@@ -18,7 +18,7 @@ from rosbags.rosbag1 import Reader as Rosbags1
 from rosbags.rosbag2 import Reader as Rosbags2
 
 from furrowmap.core.readers.reader import Inspection, ReadOptions, Recognised, open_recording
-from furrowmap.core.readers.rosbag.files import BagFiles
+from furrowmap.core.readers.rosbag.bags import BagFiles
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan import Clock

@@ -15,8 +15,7 @@ from scipy.spatial import cKDTree
 from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.readers.spinning.clock import SensorClock
 from furrowmap.core.readers.spinning.decoder import PacketDecoder
-from furrowmap.core.readers.velodyne.captures import VelodynePcap
-from furrowmap.core.readers.velodyne.models import PACKET_BYTES, VELODYNE
+from furrowmap.core.readers.velodyne.captures import PACKET_BYTES, VELODYNE, VelodynePcap
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan
 from tests.core.readers.velodyne_packets import (

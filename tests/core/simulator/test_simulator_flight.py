@@ -14,18 +14,24 @@ from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.simulator.flight import duration_s, fly, lay_out_flight, waypoints
-from furrowmap.core.simulator.flight_truth import make_crop
-from furrowmap.core.simulator.inertial import exact, measure
 from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.rays import Firings, Met, cast, make_optics, make_scene
+from furrowmap.core.simulator.recording import VLP16
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, scenario_from
 from furrowmap.core.simulator.simulate import simulate
+from furrowmap.core.simulator.simulate_flight import (
+    duration_s,
+    exact,
+    fly,
+    lay_out_flight,
+    make_crop,
+    measure,
+    waypoints,
+)
 from furrowmap.core.simulator.site import SimulatedSite, find_site
 from furrowmap.core.simulator.soil import make_ground
-from furrowmap.core.simulator.vlp16 import VLP16
 
 FloatArray = NDArray[np.float64]
 DOWN = """

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.simulator.motion import mount_rotation
 from furrowmap.core.simulator.rays import Firings, Met, Returns, Scene, cast, make_optics, make_scene
+from furrowmap.core.simulator.recording import ELEVATION_DEG, VERTICAL_OFFSET_M, VLP16
 from furrowmap.core.simulator.scenario import (
     Noise,
     Scenario,
@@ -22,7 +23,6 @@ from furrowmap.core.simulator.scenario import (
     Tractor,
 )
 from furrowmap.core.simulator.soil import ToolSweep, make_ground
-from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M, VLP16
 
 FLAT = ScenarioSoil(
     slope_percent=0.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.0, straw_share=0.0, tilled_sigma_m=0.0

@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.simulator.capture import FILE_HEADER, records
-from furrowmap.core.simulator.livox import MID360
 from furrowmap.core.simulator.rays import Returns
+from furrowmap.core.simulator.recording import ELEVATION_DEG, MID360, VERTICAL_OFFSET_M, VLP16, XT32, vlp16_packets
 from furrowmap.core.simulator.scenario import Scenario, ScenarioClock, ScenarioLidar
 from furrowmap.core.simulator.simulate import Simulated
 from furrowmap.core.simulator.site import SimulatedSite
-from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M, VLP16, data_packets
-from furrowmap.core.simulator.xt32 import XT32
 from tests.core.readers.hesai_packets import packet
 from tests.core.readers.small_bags import LIVOX, ROS1
 
@@ -52,7 +50,7 @@ def decoded(packets: NDArray[np.uint8], mode: str = "strongest") -> NDArray[Any]
 def test_data_packets__are_decoded_as_the_returns_that_went_in(rpm: int) -> None:
     scenario = Scenario(lidar=ScenarioLidar(rpm=rpm))  # type: ignore[arg-type]
     spin, returns = VLP16.spin(scenario, 20.0), returns_of(24 * 100)
-    points = decoded(data_packets(scenario, SITE, spin, 0, returns))
+    points = decoded(vlp16_packets(scenario, SITE, spin, 0, returns))
     there = returns.ticks[0] > 0
     assert len(points) == there.sum()
     order = np.argsort(np.argsort(ELEVATION_DEG))
@@ -77,7 +75,7 @@ def test_data_packets__are_decoded_as_the_returns_that_went_in(rpm: int) -> None
 
 def test_data_packets__last_and_dual_returns() -> None:
     returns = returns_of(12 * 40)
-    last = data_packets(
+    last = vlp16_packets(
         msgspec.structs.replace(Scenario(), lidar=ScenarioLidar(return_mode="last")),
         SITE,
         VLP16.spin(Scenario(), 9.0),
@@ -89,7 +87,7 @@ def test_data_packets__last_and_dual_returns() -> None:
     assert len(decoded(last)) == (returns.ticks[1] > 0).sum()
     scenario = Scenario(lidar=ScenarioLidar(return_mode="dual"))
     spin = VLP16.spin(scenario, 9.0)
-    dual = data_packets(scenario, SITE, spin, 0, returns)
+    dual = vlp16_packets(scenario, SITE, spin, 0, returns)
     assert dual.shape == (40, 1206)
     assert (dual[:, 1204] == 0x39).all()
     points = decoded(dual)
@@ -103,7 +101,7 @@ def test_data_packets__last_and_dual_returns() -> None:
 def test_data_packets__stamps_start_again_with_the_hour() -> None:
     scenario = Scenario(lidar=ScenarioLidar(start_s=0.0))
     spin = VLP16.spin(scenario, 5.0)
-    stamps = np.ascontiguousarray(data_packets(scenario, SITE, spin, 0, returns_of(24 * 1500))[:, 1200:1204]).view(
+    stamps = np.ascontiguousarray(vlp16_packets(scenario, SITE, spin, 0, returns_of(24 * 1500))[:, 1200:1204]).view(
         "<u4"
     )[:, 0]
     assert stamps[0] == 3_599_000_000
@@ -116,7 +114,7 @@ def test_data_packets__tell_the_clock_that_is_off() -> None:
     scenario = Scenario(
         lidar=ScenarioLidar(start_s=0.0), clock=ScenarioClock(lidar_minus_gnss_s=0.0, true_lidar_minus_gnss_s=-0.25)
     )
-    packet = data_packets(scenario, SITE, VLP16.spin(scenario, 5.0), 0, returns_of(24))
+    packet = vlp16_packets(scenario, SITE, VLP16.spin(scenario, 5.0), 0, returns_of(24))
     assert struct.unpack("<I", packet[0, 1200:1204].tobytes())[0] == 3_598_750_000
 
 

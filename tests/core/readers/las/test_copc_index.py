@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
-from furrowmap.core.readers.las.copc import ENTRY
+from furrowmap.core.readers.las.cloud import ENTRY, CloudFile, open_cloud
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.cloud.file import CopcFormat
 from furrowmap.exporters.cloud.points import PointBatch
