@@ -139,13 +139,10 @@ PRECISION_LABELS: Final = {
 
 @dataclass(frozen=True)
 class HeldHeights:
-    """Heights of a surface held against surveyed points.
+    """Heights of a surface held against surveyed points, compared where the surface has heights.
 
-    Attributes:
-        points: that are surveyed.
-        compared: of these, where the surface has heights.
-        off_m: median of surface less survey; nan with fewer than MIN_HELD_POINTS.
-        sigma_m: standard deviation of that, by what is stated and by how the points scatter.
+    `off_m` is the median of surface less survey, nan with fewer than MIN_HELD_POINTS; `sigma_m` its standard deviation,
+    by what is stated and by how the points scatter.
     """
 
     points: int
@@ -205,7 +202,6 @@ def check_product(
 
     Args:
         targets: attribute in which discs are detected, for the horizontal error.
-        progress: receives the share of the cloud that was read.
 
     Raises:
         InputError: if a file cannot be read, or no point lies in the product.

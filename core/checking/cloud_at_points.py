@@ -42,12 +42,9 @@ FINE_STEPS: Final = 61
 def find_disc(xy_m: FloatArray, brightness: FloatArray, diameter_m: float, search_m: float) -> FloatArray | None:
     """Centre (2,) of a disc that is brighter or darker than the ground around it; None where none is found.
 
-    A grid search for the greatest contrast between the disc and the ring around it, then a fit of its edge.
-
-    Args:
-        xy_m: (n, 2) returns relative to the expected centre.
-        brightness: (n,) intensity, or luminance.
-        search_m: greatest distance of the centre from the expected one.
+    A grid search for the greatest contrast between the disc and the ring around it, then a fit of its edge. Places (n,
+    2) of the returns are relative to the expected centre, from which it lies within `search_m`; brightness (n,) is
+    intensity or luminance.
     """
     radius = 0.5 * diameter_m
     steps = np.arange(-search_m, search_m + 1e-9, STEP_SHARE * diameter_m)
@@ -255,13 +252,7 @@ def _swath_heights(xyz_m: FloatArray, swath: NDArray[np.int64], base_m: float) -
 
 @dataclass(frozen=True)
 class LocalPlane:
-    """A plane through n returns.
-
-    Attributes:
-        slope: rise to the east and north.
-        xy_m: (n, 2) returns relative to the point.
-        above_m: (n,) residuals.
-    """
+    """A plane through n returns: its rise to the east and north, places (n, 2) relative to the point, and residuals."""
 
     height_m: float
     slope: tuple[float, float]

@@ -45,12 +45,10 @@ class Continuity:
         first_s, last_s: UTC of the first and last.
         interval_s: median of the steps between them.
         availability: positions over the number expected at that interval.
-        share_by_fix: of the epochs.
         first_by_fix_s: seconds from the first position to the first of each fix type; the log does not state when the
             receiver was switched on.
         gaps: number of steps longer than 1.5 intervals; below, the longest and the sum of all.
         gap_list: the longest ones, in order of time.
-        age: of the corrections; None where none is stated.
     """
 
     epochs: int
@@ -114,15 +112,9 @@ class Evaluation:
     """The result of an evaluation.
 
     Attributes:
-        service: correction service, where the log states it.
-        reference_service: likewise, of the reference.
         antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.
-        fix: (n,) int8 of the test.
-        lon_deg, lat_deg: (n,) of the test.
         tables: figures of all epochs ("all") and of each fix type of the test, by its label.
-        outlier: (n,) whether the epoch is an outlier.
         sigma_m: (n, 3) standard deviations stated by the test: east, north, up.
-        age_s: (n,) of the corrections.
         within_sigmas: share of errors within one, two and three stated standard deviations; None where none is stated.
         time_ahead_s: clock offset of the test against the reference, and its standard error; without outliers, from
             fixed epochs where there are any. None if the speed varies too little.
@@ -161,11 +153,8 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate a test against a reference, whose positions are taken as the truth, paired as by :func:`match`.
 
-    Args:
-        fixed_reference_only: skip epochs where the reference is neither FIXED nor entered by hand.
-
-    Raises:
-        InputError: if there is nothing to compare.
+    Epochs where the reference is neither FIXED nor entered by hand may be skipped. InputError if there is nothing to
+    compare.
     """
     for track in (test, reference):
         if not len(track):

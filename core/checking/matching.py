@@ -35,14 +35,12 @@ class MatchedEpochs:
     """The n epochs of a test that a reference covers.
 
     Attributes:
-        t_s: (n,) UTC.
         error_m: (n, 3) test minus reference: east, north, up; up is nan where either height is unknown.
-        along_m: (n,) horizontal error in the direction of travel; nan below :data:`MIN_MOVING_MPS`.
-        across_m: (n,) to the left of it.
+        along_m, across_m: (n,) horizontal error in the direction of travel, and to the left of it; nan below
+            :data:`MIN_MOVING_MPS`.
         speed_mps: (n,) of the reference.
         test_m: (n, 3) test positions, east, north, up of the first matched reference position.
         reference_m: (n, 3) reference positions likewise, shifted to the test antenna.
-        epoch: (n,) index in the test track.
         reference_fix: (n,) int8, the poorer of the reference epochs around.
         interpolated: (n,) whether the reference has no epoch at that time.
         outside: epochs of the test outside the time span of the reference.

@@ -27,13 +27,7 @@ _PLANE: Final = pyproj.CRS.from_epsg(3857)
 
 @dataclass(frozen=True)
 class PairedPoints:
-    """n points with two places each: easting (x), northing (y), height (z).
-
-    Attributes:
-        measured_m: (n, 3) in the product; nan where a component was not measured.
-        surveyed_m: (n, 3) by the survey.
-        unpaired: names that only one of both has.
-    """
+    """n points with two places (n, 3): easting (x), northing (y), height (z), measured (nan in part) and surveyed."""
 
     name: tuple[str, ...]
     measured_m: FloatArray
@@ -97,7 +91,6 @@ def pairs_of_files(
 
     Args:
         crs: of the plane in which they are compared, needed for longitudes and latitudes, and for polygons.
-        within: vector file, or CSV of corners, in whose polygons the points of the survey lie; None for all.
 
     Raises:
         InputError: if a file cannot be read, names a point twice, or both have no name in common.

@@ -52,14 +52,7 @@ NO_SWATHS: Final = SwathHeights()
 
 @dataclass(frozen=True)
 class InternalPrecision:
-    """Of a cloud, nan where unknown.
-
-    Attributes:
-        within_swath_m: RMS of the returns of one swath about their plane.
-        within_swath_max_m: greatest difference between neighbouring returns of one swath.
-        between_swath_m: RMS of the differences in height of two swaths at one place.
-        between_swath_max_m: greatest of these differences.
-    """
+    """RMS and greatest difference of the returns of one swath, and of two at one place; nan where unknown."""
 
     within_swath_m: float
     within_swath_max_m: float
@@ -99,12 +92,9 @@ class InternalPrecision:
 
 
 def find_swath_key(source: NDArray[np.uint16], t_s: FloatArray | None, *, own: bool) -> SwathKey:
-    """What separates the swaths of returns (n,).
+    """What separates the swaths of returns (n,), by point source and time; times may be unknown, or constant.
 
-    Args:
-        source: point source of each.
-        t_s: seconds of each; None, or constant, where the cloud has no times.
-        own: whether furrowmap wrote the cloud: then point sources are passes of the implement, not swaths.
+    In clouds of furrowmap's own, point sources are passes of the implement, not swaths.
     """
     if t_s is not None and np.isfinite(t_s).any() and np.nanmax(t_s) > np.nanmin(t_s):
         return "times"
@@ -145,11 +135,8 @@ class PointCheck:
     """One surveyed point and the product there.
 
     Attributes:
-        surveyed_m: easting, northing, height.
         found_m: of the product; nan where unknown, easting and northing without a target.
         returns: used for the height; 0 for a surface.
-        slope: of the plane; nan for a surface.
-        swaths: heights by swath.
         why_not: why the height was not compared; else empty.
     """
 

@@ -36,7 +36,6 @@ def evaluate_logs(
     """Evaluate the positions of a log against a reference, paired as by :func:`.match`.
 
     Args:
-        test: a log of positions in any supported format.
         reference: another log, a trajectory, or LAT,LON,HEIGHT of a stationary antenna.
         date: UTC date of the first position, for logs without dates.
         antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.

@@ -44,7 +44,6 @@ class ErrorStatistics:
     Attributes:
         average_m, standard_deviation_m, rmse_m: see :data:`DEFINITIONS`; nan without epochs.
         percentiles_m: at :data:`QUANTILES`, of the absolute value.
-        greatest_m: absolute value.
     """
 
     n: int

@@ -34,13 +34,7 @@ EPOCH_APART: Final = 1.0
 
 @dataclass(frozen=True)
 class EpochMove:
-    """Shift of the positions by epoch parameters.
-
-    Attributes:
-        file: name of the parameter file.
-        east_m, north_m, up_m: mean shift along the map axes.
-        spread_m: greatest deviation from the mean shift.
-    """
+    """Shift of the positions by a parameter file: the mean along the map axes, and the greatest deviation from it."""
 
     file: str
     east_m: float
@@ -51,12 +45,7 @@ class EpochMove:
 
 @dataclass(frozen=True)
 class HeightMove:
-    """Change of the heights by a geoid.
-
-    Attributes:
-        source: description of the model or grid.
-        geoid_m: least and greatest geoid height that was subtracted.
-    """
+    """Change of the heights by a geoid model or grid; least and greatest geoid height that was subtracted."""
 
     heights: str
     source: str

@@ -65,16 +65,11 @@ class CrsChange:
 
 
 def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, float]) -> CrsChange:
-    """The transformation from `source` to `target`, both horizontal, at a site.
+    """The transformation from `source` to `target`, both horizontal, at a site: least x and y, greatest x and y.
 
     PROJ returns an identity where a grid is missing (JGD2000 to JGD2011 on the coast that the earthquake of 2011 moved
-    by metres), so its offer is compared with what it would offer with all grids.
-
-    Args:
-        bounds: of the site in `source`: least x and y, greatest x and y.
-
-    Raises:
-        RefusedError: if there is none, or it needs a grid that is not installed.
+    by metres), so its offer is compared with what it would offer with all grids. RefusedError if there is none, or it
+    needs a grid that is not installed.
     """
     source, target = source.to_2d(), target.to_2d()
     with warnings.catch_warnings():

@@ -96,13 +96,7 @@ _Box: TypeAlias = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class CrsChoice:
-    """A projected CRS proposed for a place.
-
-    Attributes:
-        code: such as "EPSG:6677".
-        reason: for the choice, without a full stop.
-        alternatives: other codes, each with its conditions.
-    """
+    """A projected CRS proposed for a place, such as "EPSG:6677", why, and other codes, each with its conditions."""
 
     code: str
     name: str

@@ -43,7 +43,6 @@ class HeightSystem:
     Attributes:
         name: "ellipsoidal", or the geoid as the session names it.
         vertical: CRS of the heights; None for ellipsoidal ones.
-        source: description of the model and its origin.
         geoid_m: geoid heights (n,) at longitudes and latitudes (n,); nan outside the model.
     """
 
@@ -69,7 +68,6 @@ def height_system(name: str, base: CRS, grid: Path | None = None) -> HeightSyste
 
     Args:
         name: "ellipsoidal", a key of `GEOIDS_OF_JAPAN` or `VERTICAL_CRS`, or any vertical CRS that PROJ reads.
-        base: the geographic CRS of the positions.
         grid: geoid grid that PROJ reads (GeoTIFF, GTX), for other models than those of Japan and of PROJ.
 
     Raises:

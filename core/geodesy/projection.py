@@ -66,7 +66,6 @@ class ParameterFile:
     Attributes:
         format: as named by jgdtrans, or "POS2JGD".
         days: first and last day (Japan) of validity of a file between epochs; None where unstated.
-        codes: (m,) mesh codes of the nodes, increasing.
         corrections: (m, 3) forward, longitude and latitude in degrees, height in metres.
         from_map: whether forward is from the epoch of the map to the current one.
     """
@@ -245,12 +244,7 @@ LAST_EPOCH: Final = 2100.0
 
 @dataclass(frozen=True)
 class StatedFrame:
-    """A terrestrial frame and the epoch of coordinates in it.
-
-    Attributes:
-        frame: geographic CRS of the frame.
-        epoch: decimal year.
-    """
+    """A terrestrial frame, a geographic CRS, and the epoch of coordinates in it, a decimal year."""
 
     frame: CRS
     epoch: float
@@ -310,10 +304,8 @@ class MapFrame:
     :mod:`furrowmap.core.geodesy.coordinates` applies the steps before.
 
     Attributes:
-        crs: the horizontal projected CRS.
         parameters: from the current epoch to that of the map; None where positions are used as recorded.
         stated: stated frame and epoch of the coordinates, then the base of `crs`.
-        heights: height system of the map.
         named: the CRS that the session names where `crs` is its projection on a stated frame.
         unused: vertical part of the CRS of the session that `heights` does not request.
     """
@@ -431,12 +423,7 @@ def middle_deg(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[float, float]:
 
 
 def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | None = None) -> MapFrame:
-    """The map frame of a session.
-
-    Args:
-        crs: the session's table.
-        parameters_file: the file that `crs.parameters` names.
-        geoid_grid: the file that `crs.geoid_grid` names.
+    """The map frame of a session, with the files that its table `[crs]` names.
 
     Raises:
         InputError: if the CRS, the heights or the coordinates are unknown, the CRS is not projected or not in metres,

@@ -36,11 +36,7 @@ def is_field_folder(path: Path) -> bool:
 def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shapely.Polygon:
     """The boundary of a field without its holes, in longitude and latitude; holes to drive through belong to it.
 
-    Args:
-        unreadable: the error of a folder that cannot be read, for a reason.
-
-    Raises:
-        InputError: if there is no boundary, or a file is damaged.
+    The error of `unreadable` if there is no boundary, or a file is damaged.
     """
     lines = _lines(folder / FIELD, unreadable)
     below = next((k + 1 for k, line in enumerate(lines) if line.startswith("StartFix")), len(lines))

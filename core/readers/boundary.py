@@ -22,11 +22,9 @@ from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 @dataclass(frozen=True)
 class FieldOutline:
-    """A field of a file.
+    """A field of a file, in longitude and latitude, and its names: attributes as texts.
 
-    Attributes:
-        names: what it may be called: its attributes as texts; of task data its name and id.
-        outline: in longitude and latitude, degrees.
+    Of task data its name and id.
     """
 
     names: tuple[str, ...]

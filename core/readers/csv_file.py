@@ -61,14 +61,7 @@ TIME_COLUMN: Final = Column(dict.fromkeys(TIMES, 1.0))
 class CsvFile(Source):
     """An open CSV file whose header has been read; comma, semicolon or tab separates fields.
 
-    Args:
-        notices: that the file is cut, or that rows are dropped, is added while rows are read.
-
-    Attributes:
-        names: of the columns.
-
-    Raises:
-        InputError: if it is no text.
+    InputError if it is no text. Notices that the file is cut, or that rows are dropped, are added while rows are read.
     """
 
     def __init__(self, path: Path, notices: list[Notice]) -> None:
@@ -298,13 +291,10 @@ def text_rows(data: bytes) -> tuple[list[str], list[tuple[int, dict[str, str]]]]
 
 
 def is_whole(line: bytes, before: Sequence[bytes]) -> bool:
-    """Whether a last line without a newline is certainly complete.
+    """Whether a last line without a newline is certainly complete, by the last :data:`COMPARED_LINES` lines before it.
 
-    It is if it has as many fields as each of the lines before, and its last field is a number with as many decimals as
-    theirs: 81.02 may be cut to 81.0, 81 or 8, which have fewer.
-
-    Args:
-        before: lines before it, of which the last :data:`COMPARED_LINES` are used.
+    It is if it has as many fields as each of them, and its last field is a number with as many decimals as theirs:
+    81.02 may be cut to 81.0, 81 or 8, which have fewer.
     """
     forms = {_form(other) for other in before[-COMPARED_LINES:]}
     count, decimals = _form(line)

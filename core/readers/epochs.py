@@ -87,15 +87,10 @@ def midnights_utc_s(year: NDArray[np.integer], month: NDArray[np.integer], day: 
 def in_order(
     t_s: FloatArray, lon_deg: FloatArray, lat_deg: FloatArray, name: str, place: Callable[[int], str]
 ) -> tuple[NDArray[np.bool_], list[Notice]]:
-    """Which epochs (n,) are later than all before, and notices about the others.
+    """Which epochs (n,) are later than all before, and notices about the others; `place` describes where epoch k is.
 
-    An epoch that repeats time and position of the one before was written twice and is not out of order.
-
-    Args:
-        place: describes where epoch k is in the log.
-
-    Raises:
-        InputError: if more than a twentieth of the epochs are out of order.
+    An epoch that repeats time and position of the one before was written twice and is not out of order. InputError if
+    more than a twentieth of the epochs are out of order.
     """
     forward = runs_forward(t_s)
     repeated = np.zeros(len(t_s), bool)

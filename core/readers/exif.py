@@ -97,16 +97,10 @@ MAX_PIXELS: Final = 300_000_000
 
 
 def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
-    """JPEG, TIFF or PNG files with the times in their EXIF data, those that have one.
+    """JPEG, TIFF or PNG files with the times in their EXIF data, those that have one; InputError without Pillow.
 
     The time is DateTimeOriginal with its fraction of a second. Its zone is OffsetTimeOriginal, else the quarters of an
     hour by which it differs from the time of GPS (UTC) in the file, else UTC.
-
-    Args:
-        notices: how many have no time, cannot be read, or state no zone, is added.
-
-    Raises:
-        InputError: if Pillow is not installed.
     """
     expect_pillow()
     taken: list[tuple[Path, float, tuple[float, float, float]]] = []
@@ -141,11 +135,8 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
 def read_pixels(path: ImageFile, reduction: int) -> NDArray[np.uint8]:
     """The pixels (height, width, 3) of an image as they are stored, red, green, blue; not turned as EXIF may say.
 
-    Args:
-        reduction: a pixel is the mean of so many by so many; a rest at the right and at the bottom is cut off.
-
-    Raises:
-        ValueError: if it is no image, is damaged or cut, or has too many pixels.
+    A pixel is the mean of `reduction` by `reduction`; a rest at the right and at the bottom is cut off. ValueError if
+    it is no image, is damaged or cut, or has too many pixels.
     """
     try:
         with warnings.catch_warnings():

@@ -23,15 +23,9 @@ MAX_TABLE_BYTES: Final = 1 << 26
 
 
 def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
-    """The images that a table names, those that exist.
+    """The images in a folder that a table names, relative to its own, those that exist; others are noticed.
 
-    Args:
-        path: of the table; names in it are relative to its folder.
-        folder: that the images must lie in.
-        notices: images that are missing, and rows that are incomplete, are added.
-
-    Raises:
-        InputError: if columns are missing, a field is no time, or an image lies outside the folder.
+    InputError if columns are missing, a field is no time, or an image lies outside the folder.
     """
     try:
         data, _ = read_small(path, MAX_TABLE_BYTES, notices)

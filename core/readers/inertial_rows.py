@@ -183,12 +183,7 @@ def first_beyond(values: FloatArray) -> tuple[int, int, int] | None:
 def inertial_track(t_s: FloatArray, values: FloatArray, name: str, notices: list[Notice]) -> InertialTrack:
     """The track of measurements in the order of recording; the few that are not later than all before are dropped.
 
-    Args:
-        t_s: (n,) UTC.
-        values: (n, 6) angular rate (rad/s) and specific force (m/s²).
-
-    Raises:
-        InputError: if the times do not increase.
+    `values` (n, 6) are angular rate (rad/s) and specific force (m/s²). InputError if the times do not increase.
     """
     forward = _forward(t_s, "time-disorder.inertial-track", name, notices)
     return InertialTrack(t_s[forward], values[forward, :3], values[forward, 3:], name)
@@ -199,12 +194,7 @@ def attitude_track(
 ) -> AttitudeTrack:
     """The track of attitudes in the order of recording; the few that are not later than all before are dropped.
 
-    Args:
-        t_s: (n,) UTC.
-        angles_deg: (n, 3) roll, pitch, heading.
-
-    Raises:
-        InputError: if the times do not increase.
+    `angles_deg` (n, 3) are roll, pitch, heading. InputError if the times do not increase.
     """
     forward = _forward(t_s, "time-disorder", name, notices)
     roll, pitch, heading = angles_deg[forward].T

@@ -35,9 +35,7 @@ def sweep(
 ) -> Scan:
     """The returns (n,) of one sweep in the plane z = 0, angles counter-clockwise from the x axis.
 
-    Args:
-        intensity: in any unit; fractions of 1 are scaled to 255.
-        column: index of the firing in the sweep.
+    Fractions of 1 as intensity are scaled to 255; `column` is the index of the firing in the sweep.
     """
     n = len(t_s)
     known = np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)

@@ -73,9 +73,7 @@ class FoundFrames:
     Attributes:
         kind: (n,) int64 of each intact frame.
         at: (n,) int64, offset of its content in the piece.
-        length: (n,) int64, its length as the frame states it.
         bad: frames with a wrong checksum or an invalid length.
-        cut: frames that are not complete where the stream ends.
         intact_bytes: bytes of the intact frames.
         foreign: bytes between the frames that are neither text, nor messages of RTCM 3, nor padding.
         used: bytes of the piece that are done with; the rest belongs before the next piece.
@@ -251,10 +249,7 @@ class MessageCounts(Generic[Kind]):
     """Counts over a stream of messages.
 
     Attributes:
-        kinds: intact messages by kind.
         bad: messages with a wrong checksum or length.
-        cut: messages that are not complete.
-        message_bytes: bytes that belong to messages.
         foreign_bytes: bytes of no known protocol.
     """
 
@@ -278,12 +273,7 @@ class MessageCounts(Generic[Kind]):
 
 @dataclass(frozen=True)
 class Messages:
-    """Messages of one kind, in the order of the stream.
-
-    Attributes:
-        values: (n,) structured, one record a message.
-        at: (n,) int64, offset of their content in the stream.
-    """
+    """Messages (n,) of one kind in the order of the stream: a structured record each, and the offset of its content."""
 
     values: NDArray[np.void]
     at: NDArray[np.int64]

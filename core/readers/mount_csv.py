@@ -23,11 +23,8 @@ MOUNT_SCHEMA: Final = (
 def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
     """The motion of a mount from the columns `time_unix_s` (or `time_gps_s`), `roll_deg`, `pitch_deg`, `yaw_deg`.
 
-    Args:
-        near_s: a time of the recording, for times that count from the start of a week.
-
-    Raises:
-        InputError: if columns are missing, a field is no number, or the times do not increase.
+    `near_s` is a time of the recording, for times that count from the start of a week. InputError if columns are
+    missing, a field is no number, or the times do not increase.
     """
     with CsvFile(path, notices) as file:
         rows = file.rows(MOUNT_SCHEMA, "missing-column.mount")

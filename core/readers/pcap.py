@@ -87,9 +87,7 @@ class Capture:
     truncated record. Both are in `notices` when iteration has ended.
 
     Attributes:
-        format: "pcap" or "pcapng".
         resolution: ticks per second of the capture's time stamps (of its first interface).
-        records: number of frames so far.
         skipped: number of frames without a UDP datagram, by reason (see `SKIPPED`).
 
     Raises:

@@ -33,11 +33,7 @@ class LoggedPositions:
 
     Attributes:
         track: the positions; if `dated` is False, their times count from the start of an unknown day or week.
-        dated: whether the times are UTC.
-        without_position: number of epochs without a position.
-        dropped: number of positions whose time is not later than all before.
         facts: what `inspect` reports besides these.
-        notices: what is unusual.
         fault: why the positions cannot be used, if they cannot.
         scale: where the UTC times come from, for `inspect`.
     """
@@ -73,7 +69,6 @@ class LoggedPositions:
         Args:
             columns: (n,) each: `t_s` and columns of :class:`GnssTrack`, in the order of the log.
             place: describes where position k is in the log.
-            service: see :class:`GnssTrack`.
             fault: why the times are not UTC, if they are not.
         """
         try:
@@ -194,10 +189,9 @@ def _missing(positions: LoggedPositions, when: Callable[[float], str]) -> list[N
 
 
 def file_at(paths: Sequence[Path], ends: Sequence[int], at: int) -> tuple[Path, int]:
-    """The file that an offset belongs to, and the offset in that file.
+    """The file that an offset of a stream belongs to, and the offset in that file.
 
-    Args:
-        ends: offset in that stream where each of them ends.
+    `ends` are the offsets where files end.
     """
     k = next(k for k, end in enumerate(ends) if at < end)
     return paths[k], at - (ends[k - 1] if k else 0)

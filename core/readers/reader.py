@@ -39,14 +39,10 @@ class ReadOptions:
     """Information about a recording that is not in its files.
 
     Attributes:
-        model: the scanner's model, which overrides the model in the packets.
         date: UTC date (YYYY-MM-DD) of the first position of a log without dates.
         near_s: a UTC time near the recording, for clocks that show only a part of the time.
         time: time scale of trajectory files that do not state it, "utc" or "gps".
-        week: GPS week, for files with seconds of the week.
-        task: id or name of the task to read, for task data with several.
         columns: what the columns of a CSV are: name → (quantity, unit, scale); empty for names that say it.
-        topic: name of the topic to read, for bags with several of a kind.
         source: which of several scanners in the files: its address, UDP port or serial number, in a bag its topic.
         glance_s: one scan or image in this many seconds is sufficient; of scans a reader may yield more if skipping
             saves no time.
@@ -68,11 +64,7 @@ class ReadOptions:
 class Inspection:
     """The format and the content of a file.
 
-    Attributes:
-        format: the reader's `format`.
-        title: the reader's `title`.
-        facts: names and values (numbers, strings, lists, dicts of such), in the order of display.
-        notices: what is unusual, missing or damaged.
+    Facts are numbers, strings, lists, dicts of such, in the order of display.
     """
 
     path: Path
@@ -109,12 +101,7 @@ class Reader(Protocol):
 
 
 class FileReader:
-    """Base of furrowmap's own readers.
-
-    Args:
-        paths: the files of one recording, in the order of time.
-        options: see the class of the format for those that are used.
-    """
+    """Base of furrowmap's own readers, of the files of one recording in the order of time."""
 
     format: ClassVar[str]
     title: ClassVar[str]

@@ -25,8 +25,7 @@ MIN_INTACT_SHARE: Final = 0.02
 class ReceiverLog(PositionLog):
     """The positions in a log of binary messages of a fixed layout; other bytes between them are skipped.
 
-    Args:
-        options: `date`, `near_s` and `week` are used where the messages carry no date.
+    Of the options, `date`, `near_s` and `week` are used where the messages carry no date.
     """
 
     frames_title: ClassVar[str]
@@ -126,7 +125,6 @@ def dated_positions(
     Args:
         columns: (n,) each, as in :meth:`LoggedPositions.in_order`; times are UTC, nan if unknown.
         at: (n,) offset of each epoch in the stream.
-        place: describes an offset.
         what: the messages that the epochs come from, for an error.
     """
     stated = has_position(columns) & np.isfinite(columns["t_s"])

@@ -76,7 +76,6 @@ class Head:
     """The start of a file, for recognising its format.
 
     Attributes:
-        path: the file, or a folder.
         data: its first bytes, decompressed, up to 64 KiB; empty for a folder.
         compression: "gzip", "zstd", "xz" or "".
         suffix: suffix of the name in lower case, without that of the compression.

@@ -39,7 +39,6 @@ class SurveyedPoints:
     """n points in the CRS of a product.
 
     Attributes:
-        name: (n,) of each.
         xyz_m: (n, 3) easting, northing, height.
         sigma_m: (n, 3) standard deviations that the survey states; nan where it states none.
     """
@@ -92,7 +91,6 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
 
     Args:
         path: of the file. A CSV has columns such as name, e_m, n_m, h_m (or lon_deg, lat_deg, h_m), sigma_h_m.
-        target: of the product, with or without heights.
         crs: of a file without one; by default `target` for eastings and northings, and its geographic base CRS for
             longitudes and latitudes.
 

@@ -77,8 +77,6 @@ class TextTable:
 
     Attributes:
         columns: each column's cells by its name in lower case, without a unit in brackets.
-        lines: number in the file of each row.
-        decimal_comma: whether numbers have a decimal comma.
     """
 
     columns: dict[str, list[str]]

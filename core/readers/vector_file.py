@@ -121,7 +121,6 @@ class Polygons:
     Attributes:
         shapes: polygons and multipolygons, flat; their rings may cross.
         attributes: of each, by the column's name; None where a cell is empty.
-        crs: of the coordinates.
         others: number of features with other geometries, which are left out.
     """
 

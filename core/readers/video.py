@@ -17,13 +17,9 @@ _SIGNATURES: Final = (b"RIFF", b"\x1a\x45\xdf\xa3")
 
 
 class Video:
-    """A video, read once from its beginning by the FFmpeg within OpenCV.
+    """A video, read once from its beginning by the FFmpeg within OpenCV; its frames are counted by the container.
 
-    Attributes:
-        count: number of frames by the container, which may be an estimate.
-
-    Raises:
-        InputError: if it is none, or of a codec that FFmpeg does not have.
+    InputError if it is none, or of a codec that FFmpeg does not have.
     """
 
     def __init__(self, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Names that were read from a file and become paths inside their folder; URLs without their passwords."""
+"""Names that were read from a file and become paths: they stay inside the folder that they belong to."""
 
 from __future__ import annotations
 
@@ -8,21 +8,6 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError
-
-_PASSWORD: Final = re.compile(r"((?<=\w\w):/{1,2}[^\s/?#:@]*):(?!\d*(?:[/?#\s]|$))[^\s@]*@(?:[^\s/?#@]*@)*")
-"""From the colon after a user's name to the last @ before the path; digits alone before the path are a port.
-
-A URL that was taken for a path has one slash.
-"""
-_PARAMETER: Final = re.compile(r"(?i)([?&][\w-]*(?:password|passwd|secret|token|signature|sig)=)[^\s&#]*")
-
-
-def without_passwords(text: str) -> str:
-    """A text whose URLs have no passwords: neither ``user:password@`` nor secret parameters such as ``?token=…``."""
-    if ":/" not in text:
-        return text
-    return _PARAMETER.sub(r"\1", _PASSWORD.sub(r"\1@", text))
-
 
 MAX_NAME_BYTES: Final = 255
 """Longest name of a file, in UTF-8, on the usual file systems."""
@@ -67,13 +52,9 @@ def leads_out(path: Path, folder: Path) -> bool:
 
 
 def inside(folder: Path, name: str, source: Path) -> Path:
-    """The path of a file in `folder` whose name was read from a file.
+    """The path of a file in `folder` whose name was read from `source`.
 
-    Args:
-        source: the file that states the name, for the message.
-
-    Raises:
-        InputError: if the name is not that of one file in the folder, or that file is a link that leads out of it.
+    InputError if the name is not that of one file in the folder, or that file is a link that leads out of it.
     """
     if is_file_name(name) and not leads_out(folder / name, folder):
         return folder / name

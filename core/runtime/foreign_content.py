@@ -29,8 +29,7 @@ _MOST_CONTROLS: Final = 0.02
 def binary_kind(data: bytes) -> str | None:
     """What content is that is no text, such as "a PNG picture" or "binary data"; None for text in any encoding.
 
-    Args:
-        data: the first bytes, :data:`LOOKED_AT` of them if the file is so long.
+    It is told by the first :data:`LOOKED_AT` bytes.
     """
     named = next((words for start, words in SIGNATURES.items() if data.startswith(start)), None)
     if named is not None or data[:2] in (b"\xff\xfe", b"\xfe\xff"):  # the byte order marks of UTF-16

@@ -69,15 +69,10 @@ class RecordSpool:
         self._file.close()
 
     def append(self, parts: Iterable[RecordArray], keys: IntArray, starts: IntArray) -> None:
-        """Append a block.
+        """Append a block of records, sorted by key, in any number of contiguous arrays.
 
-        Args:
-            parts: its records, sorted by key, in any number of contiguous arrays.
-            keys: (k,) that occur, increasing.
-            starts: (k + 1,) first record of each key within the block, and their number.
-
-        Raises:
-            OSError: if the file cannot be written.
+        Keys (k,) increase; `starts` (k + 1,) are the first record of each within the block, and their number. OSError
+        if the file cannot be written.
         """
         self._file.seek(self._length * self.layout.itemsize)
         for part in parts:

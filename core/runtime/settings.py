@@ -67,13 +67,10 @@ def using(
 
 
 def using_threads(count: int | None, *, by_default: bool = False) -> AbstractContextManager[None]:
-    """Within it, furrowmap uses at most `count` threads at once.
+    """Within it, furrowmap uses at most `count` threads at once, at least 1; None changes nothing.
 
-    The setting is the process's: threads started within see it as well.
-
-    Args:
-        count: at least 1; None changes nothing.
-        by_default: a count that is in force already wins, so that an option of the command line wins over a session.
+    The setting is the process's: threads started within see it as well. One by default gives way to a count in force,
+    so that an option of the command line wins over a session.
     """
     return using(threads=None if by_default and settings().threads is not None else count)
 

@@ -35,8 +35,7 @@ class FlownMounting:
 
     Attributes:
         height_m: median height of the scanner above the ground.
-        lidar_up: (3,) mean upward direction in the axes of the scanner, at the scans used.
-        imu_up: (3,) the same at the same times in the axes of the IMU.
+        lidar_up, imu_up: (3,) mean upward direction in the axes of the scanner and of the IMU, at the scans used.
     """
 
     height_m: float

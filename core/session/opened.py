@@ -66,10 +66,7 @@ class LidarReader(Reader, GivesScans, Protocol):
 class Inputs:
     """The files that a session names, resolved: each exists and lies inside the session's folder.
 
-    Attributes:
-        lidar: recordings of the first scanner.
-        positions: GNSS logs, or the files of an external trajectory, in time order.
-        further_lidars: recordings of each other scanner.
+    `positions` are GNSS logs, or the files of an external trajectory, in time order.
     """
 
     lidar: tuple[Path, ...]
@@ -283,12 +280,9 @@ class OpenSession:
         return cast("ImageReader", _open(self.inputs.camera, options, GivesImages, "camera.files"))
 
     def lidar(self, near_s: float, glance_s: float | None = None, number: int = 0) -> LidarRecording:
-        """The laser scans.
+        """The laser scans of a scanner, by its number; one in `glance_s` is enough.
 
-        Args:
-            near_s: a time of the drive by the clock of the positions, for scanner clocks that show only part of a time.
-            glance_s: one scan in this many seconds is enough; None for all.
-            number: of the scanner among those of the session.
+        `near_s` is a time of the drive by the clock of the positions, for scanner clocks that show only part of a time.
         """
         lidar = self.session.lidars[number]
         minus_gnss_s, paths = lidar.minus_gnss_s or 0.0, (self.inputs.lidar, *self.inputs.further_lidars)[number]

@@ -162,7 +162,6 @@ def places_missing(
     """Places that neither the recordings nor the machine's profile show.
 
     Args:
-        flight: what the recordings show of the mounting.
         scans: whether a scanner, or a flight, was recorded.
         flies: whether the vehicle flies: it has no implement, and its antenna is the origin.
     """
@@ -241,7 +240,6 @@ def propose_session(
 
     Args:
         machine: that made them; the places of its sensors and its tool are copied.
-        beside: files of images and parcels to name.
 
     Raises:
         InputError: if a recording is outside `folder`, has a name that TOML cannot hold, or if a session can use none

@@ -42,12 +42,10 @@ def frame_head(source: tuple[str, int], target: tuple[str, int], size: int) -> b
 
 
 def records(time_us: NDArray[np.int64], payload: Bytes, port: int, number: int) -> Bytes:
-    """(n, 16 + 42 + k) capture records of `payload` (n, k), sent from and to `port`.
+    """(n, 16 + 42 + k) capture records of `payload` (n, k) uint8, k even, sent from and to `port`.
 
-    Args:
-        time_us: (n,) the capturing computer's clock, microseconds since 1970.
-        payload: (n, k) uint8, k even.
-        number: of the first datagram, for the IP identification.
+    Times (n,) are the capturing computer's clock, microseconds since 1970; `number` is that of the first datagram, for
+    the IP identification.
     """
     n, k = payload.shape
     frame = np.zeros((n, 16 + HEADERS + k), np.uint8)
@@ -69,12 +67,9 @@ def records(time_us: NDArray[np.int64], payload: Bytes, port: int, number: int) 
 
 
 class Container(NamedTuple):
-    """A kind of file of recorded messages.
+    """A kind of file of recorded messages, with the first bytes.
 
-    Attributes:
-        suffix: of its name.
-        head: first bytes.
-        records: records of messages: their times, the messages, port and first number, as of `records`.
+    The times, the messages, port and first number make records.
     """
 
     suffix: str

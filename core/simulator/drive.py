@@ -24,13 +24,11 @@ class SimulatedTrack:
     """The drive in the plane, at `RATE_HZ` from `BEFORE_S` before t0 to `AFTER_S` after its end.
 
     Attributes:
-        t_s: (n,) seconds after t0.
         e_m, n_m: (n,) rear axle, local.
         yaw_rad: (n,) of the nose, counter-clockwise from east, without jumps.
         speed_mps: (n,) forward positive.
         tool_m: (n,) height of the tool above its working position.
         down: (n,) whether the tool is in the ground.
-        duration_s: from t0 to the end of the drive.
     """
 
     t_s: FloatArray

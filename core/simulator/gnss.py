@@ -32,8 +32,6 @@ class Fixes:
     Attributes:
         t_s: (n,) local time, at whole fractions of UTC seconds.
         enh_m: (n, 3) antenna with its errors, local.
-        error_m: (n, 3) its position error.
-        velocity_mps: (n, 2) east, north.
         quality: (n,) 4 fixed, 5 float.
         sigma_m: (n, 2) horizontal a axis, and vertical.
     """

@@ -63,12 +63,10 @@ class SimulatedMotion:
     """Position and attitude of the vehicle frame at `RATE_HZ`.
 
     Attributes:
-        t_s: (n,) seconds after t0.
         xyz_m: (n, 3) its origin, local.
         roll_rad: (n,) right side down positive.
         pitch_rad: (n,) nose up positive.
         yaw_rad: (n,) counter-clockwise from east, without jumps.
-        tool_m: (n,) height of the tool above its working position.
         dusty: (n,) 1 where the tool works and the machine moves, else 0.
         scale: horizontal metres of the map for a metre on the ground.
     """

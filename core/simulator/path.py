@@ -30,7 +30,6 @@ class DrivenPath:
         v_m: (n,) to the left of it.
         yaw_rad: (n,) of the nose, counter-clockwise from the first lane's direction.
         gear: (n,) 1 where the way up to the next point goes forward, -1 where it goes backward.
-        limit_mps: (n,) speed not to be exceeded.
         stops: (distance_m, seconds) of every stand between start and end.
         passes: (distance_m where the tool is lowered, distance_m where it is lifted) of every pass.
     """

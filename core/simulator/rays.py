@@ -95,12 +95,10 @@ class Beams:
     """Where the k lasers of a scanner point, and how it counts their ranges.
 
     Attributes:
-        elevation_deg: (k,) of each laser.
         azimuth_deg: (k,) azimuth of each laser relative to that of the firing, clockwise from above.
         height_m: (k,) height of each beam's origin above the sensor's origin.
         laser_s: (k,) firing time of each laser in the firing.
         origin_m: distance of the beams' origins from the axis, in the direction of the firing; ranges are larger by it.
-        step_m: distance per count.
         zero_deg: azimuth in the sensor's frame at which a turn begins.
     """
 
@@ -120,9 +118,6 @@ class Optics(NamedTuple):
         mount: (3, 4) rotation from sensor to vehicle, and origin.
         lasers: (k, 6) cosine and sine of elevation, vertical offset, range error, azimuth in radians, firing time.
         noise: range noise, its growth at grazing angles, dropout, dust a metre.
-        reach: nearest and farthest range.
-        origin_m: as in :class:`Beams`.
-        step_m: as in :class:`Beams`.
     """
 
     mount: FloatArray
@@ -139,13 +134,10 @@ class Firings:
     """Successive firings and where the sensor was.
 
     Attributes:
-        number: of the first of them.
-        t_s: (n,) local time.
         azimuth_rad: (n,) of the first laser.
         turn_radps: (n,) speed of rotation.
         xyz_m: (n, 3) vehicle frame's origin, local.
         rotation: (n, 3, 3) vehicle to local.
-        tool_m: (n,) height of the tool.
         dusty: (n,) 0 to 1.
         mount: (n, 3, 4) as :attr:`Optics.mount`, where it moves; (0, 3, 4) where it does not.
         front_m: (n,) height of the tool in front; (0,) where there is none.
@@ -169,7 +161,6 @@ class Returns:
 
     Attributes:
         ticks: (2, n, k) uint32, range in the scanner's steps, 0 for none.
-        reflectivity: (2, n, k) uint8.
         met: (2, n, k) uint8, :class:`Met`.
         cell: (2, n, k) int32, row * cols + col of the ground's cell, -1 elsewhere.
     """

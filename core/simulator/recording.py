@@ -462,13 +462,7 @@ def second_file(lidar: ScenarioLidar) -> str:
 
 @dataclass(frozen=True)
 class World:
-    """What there is to record, and from where.
-
-    Attributes:
-        crop: heights on the ground's cells; None without.
-        mount: that moves; None where it does not.
-        front: the drive with the implement in front; None where there is none.
-    """
+    """What there is to record, and from where: also heights of the crop, a mount that moves, an implement in front."""
 
     scenario: Scenario
     site: SimulatedSite

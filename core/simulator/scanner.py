@@ -24,12 +24,8 @@ class Spin:
     """The rotation of the sensor, and the firings it makes.
 
     Attributes:
-        start_s: local time of the first firing.
-        packets: data packets of the whole recording.
-        firings_a_packet: number of firings in a packet.
         firing_s: nominal time between firings.
         columns: number of fixed azimuths at which a sensor fires; 0 for one that fires at even times.
-        turns_a_second: nominal.
         wander: share by which the speed varies.
         first_turn: azimuth of the first firing, in turns.
     """
@@ -76,15 +72,11 @@ class ScannerModel:
     Attributes:
         beams: geometry and timing of its lasers, in the order of the packet.
         firings_a_packet: firings in a packet with one return per laser and firing.
-        firings_a_packet_dual: the same with two returns.
         firing_s: time between firings; nan where a turn has `columns`.
-        columns: number of fixed azimuths at which it fires, 0 where it fires at even times.
-        port: of its data packets.
         packets: payloads (n, k) uint8 of the data packets from a number on, which hold all returns.
         position_packets: whether it sends a receiver's sentence in packets of its own.
         stated: as `model` in session.toml; empty where the recording says it.
         beside: name and text of a file that belongs to a recording; None where there is none.
-        container: the file of its packets.
     """
 
     beams: Beams

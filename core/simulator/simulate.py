@@ -35,13 +35,7 @@ from furrowmap.core.simulator.truth import (
 
 @dataclass(frozen=True)
 class Simulated:
-    """The files of a simulation.
-
-    Attributes:
-        folder: with recording, session and ``truth/``.
-        session: its session.toml, for ``furrowmap run``.
-        scenario: laid out, as in its scenario.toml.
-    """
+    """The files of a simulation: recording, session.toml for ``furrowmap run``, ``truth/``, and its scenario."""
 
     folder: Path
     session: Path

@@ -105,13 +105,9 @@ _FORCE: Final = "force_x_mps2,force_y_mps2,force_z_mps2"
 
 @dataclass(frozen=True)
 class SimulatedImuLog:
-    """What the IMU says.
+    """What the IMU says: times, angular rate and specific force (n, 3) in its axes, with their errors.
 
-    Attributes:
-        t_s: (n,) local time of the measurements, true.
-        rate_dps: (n, 3) angular rate, with its errors, in the axes of the IMU.
-        force_mps2: (n, 3) specific force.
-        bias: (n, 6) errors of rate (degrees per second) and force that change slowly, without those of scale.
+    `bias` (n, 6) are errors of rate (degrees per second) and force that change slowly, without those of scale.
     """
 
     t_s: FloatArray
@@ -381,10 +377,7 @@ def fly(scenario: Scenario, flight: Flight, scale: float, rng: np.random.Generat
     """The flight in space, at `RATE_HZ` from `BEFORE_S` before t0 to `AFTER_S` after its end.
 
     The aircraft tilts so that its thrust carries it along the path against gravity and the air; gusts tilt it further.
-
-    Args:
-        scale: map metres for a metre on the ground.
-        rng: of wind and pilot.
+    `scale` is map metres for a metre on the ground.
     """
     count = math.floor((duration_s(flight) + LEAD_IN_S + AFTER_S) * DRIVE_RATE_HZ) + 1
     t_s = np.arange(count) / DRIVE_RATE_HZ - LEAD_IN_S

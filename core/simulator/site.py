@@ -80,7 +80,6 @@ class SimulatedSite:
     """Georeference of the local frame.
 
     Attributes:
-        crs: the map frame, as pyproj reads it.
         e0_m, n0_m: map coordinates of the local origin, whole metres.
         h0_m: ellipsoidal height of the local origin.
         t0_us: microseconds of UTC since 1970 of the local time's origin.

@@ -58,7 +58,6 @@ class ToolSweep:
     Attributes:
         t_s: (n,) while the machine moves forward, about a centimetre of way apart.
         e_m, n_m: (n,) middle of the tool's line, local.
-        yaw_rad: (n,) of the vehicle, across which the line lies.
         begin_s, end_s: when the tool went down and up.
     """
 

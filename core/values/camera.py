@@ -43,7 +43,6 @@ class Camera:
     Attributes:
         width, height: of the images, in pixels.
         fx, fy: focal lengths in pixels.
-        cx, cy: principal point in pixels.
         k1, k2, k3: radial distortion.
         p1, p2: tangential distortion.
         xyz_m: the projection centre in the vehicle frame.
@@ -120,14 +119,9 @@ class Camera:
 
     @classmethod
     def from_colmap(cls, size: tuple[int, int], model: str, params: tuple[float, ...]) -> Camera:
-        """The camera of a line of COLMAP's `cameras.txt`.
+        """The camera of a line of COLMAP's `cameras.txt`; the model is a key of :data:`COLMAP_MODELS`.
 
-        Args:
-            model: a key of :data:`COLMAP_MODELS`.
-            params: its parameters, the principal point counted as COLMAP does.
-
-        Raises:
-            ValueError: if the model or the number of parameters is another, or k4 to k6 are not zero.
+        ValueError if the model or the number of parameters is another, or k4 to k6 are not zero.
         """
         names = COLMAP_MODELS.get(model)
         if names is None:

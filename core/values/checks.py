@@ -11,13 +11,8 @@ import numpy as np
 def check_columns(value: Any, increasing: str = "t_s", **widths: int) -> None:
     """Check that a dataclass holds a table: each of its arrays has n rows, and one column strictly increases.
 
-    Args:
-        value: a dataclass; attributes that are no arrays are ignored.
-        increasing: name of the column that does.
-        widths: of arrays (n, width); all others are (n,).
-
-    Raises:
-        ValueError: if not.
+    `widths` are those of arrays (n, width); all others are (n,). Attributes that are no arrays are ignored. ValueError
+    if not.
     """
     kind, column = type(value).__name__, getattr(value, increasing)
     for name in (field.name for field in fields(value)):

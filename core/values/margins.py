@@ -9,12 +9,9 @@ MARGIN_SIGMAS: Final = 2.0
 
 
 def margin(sigma: float | None, unit: str = "", factor: float = 1.0) -> str:
-    """A margin to two significant digits: "± 2.8 cm", "± 180 cm"; "unknown" without a standard deviation.
+    """A margin to two significant digits: "± 2.8 cm", "± 180 cm"; "unknown" without a standard deviation above 0.
 
-    Args:
-        sigma: standard deviation; None, 0 and what is not finite are unknown.
-        unit: follows the figure: " cm", "°".
-        factor: from the unit of `sigma` to the one shown.
+    `factor` leads from the unit of `sigma` to the one shown.
     """
     if sigma is None or not math.isfinite(sigma) or sigma <= 0.0:
         return "unknown"
@@ -32,15 +29,10 @@ def with_margin(
     *,
     sign: bool = False,
 ) -> str:
-    """A value in the digits that its margin leaves: "34.2 ± 1.8 cm", "4 ± 23 m²".
+    """A value in the digits that its margin leaves: "34.2 ± 1.8 cm", "4 ± 23 m²"; "unknown" where it is not finite.
 
-    Args:
-        value: "unknown" for None and what is not finite.
-        sigma: its standard deviation, in the same unit; no margin is shown if it is unknown.
-        unit: follows the figures: " cm", "°".
-        factor: from the unit of `value` to the one shown.
-        digits: decimals of a value without a margin.
-        sign: whether positive values have a sign.
+    `factor` leads from the unit of `value` and `sigma` to the one shown; `digits` are those of a value without a
+    margin.
     """
     if value is None or not math.isfinite(value):
         return "unknown"

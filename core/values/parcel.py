@@ -64,8 +64,7 @@ class Parcel:
     """A parcel on the map.
 
     Attributes:
-        gross: the sown area, in map coordinates (m).
-        net: the part of it that figures are of, in map coordinates (m).
+        gross, net: the sown area, and the part of it that figures are of, in map coordinates (m).
         attributes: what else is known of it, such as its treatment, by name.
     """
 

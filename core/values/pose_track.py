@@ -29,7 +29,6 @@ class PoseTrack:
         roll_deg: (n,) positive right side down.
         pitch_deg: (n,) positive nose up.
         heading_deg: (n,) clockwise from north.
-        true_north: whether `heading_deg` counts from true north instead of grid north.
         sigma: (n, 6) standard deviations (e, n, h in metres; roll, pitch, heading in degrees); nan where unstated.
     """
 

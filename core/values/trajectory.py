@@ -174,10 +174,8 @@ def trajectory_from_attitude(
 ) -> Trajectory:
     """A trajectory from attitude in the conventions of files, without fix and sigma; its sources are "file".
 
-    Args:
-        xyz_m: (n, 3) of the vehicle frame's origin in the map frame.
-        roll_deg: (n,) or a number, as `pitch_deg` and `heading_deg`.
-        heading_deg: see `roll_deg`; clockwise from grid north.
+    Places (n, 3) are of the vehicle frame's origin in the map frame; an angle is (n,) or a number, a heading clockwise
+    from grid north.
     """
     n = len(t_s)
     roll, pitch, heading = (

@@ -16,7 +16,8 @@ from urllib.parse import urlsplit
 import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, printable
-from furrowmap.core.runtime.file_names import is_file_name, without_passwords
+from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import SessionOutcome, Stamp, same_files
 from furrowmap.exporters.files.lease import PREFIX
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE

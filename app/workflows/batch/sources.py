@@ -8,7 +8,8 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.file_names import is_portable_name, without_passwords
+from furrowmap.core.runtime.file_names import is_portable_name
+from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import Stamp
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
 

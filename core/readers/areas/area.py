@@ -73,12 +73,7 @@ def read_area(path: Path, target: CRS) -> Area:
 
 
 def nothing_within(area: Area, what: str, at_m: tuple[float, float] | None) -> InputError:
-    """The error where nothing lies in an area.
-
-    Args:
-        what: the things, such as "12 points".
-        at_m: easting and northing of some of them; None where there are none.
-    """
+    """The error where nothing of `what`, such as "12 points" at easting and northing, lies in an area."""
     bounds = ", ".join(f"{end:.1f}" for end in area.bounds_m)
     return InputError(
         "within-nothing",

@@ -76,9 +76,6 @@ def _corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygon
 def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
     """The polygons of a file; coordinates in another CRS than the map's are projected, no datum is changed.
 
-    Args:
-        path: GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped), KML, or CSV with one row per corner.
-
     Raises:
         InputError: if the file cannot be read, has no polygon, or its coordinates lie outside the domain of `target`.
     """

@@ -30,13 +30,7 @@ PARALLEL: Final = frozenset({"4", "5"})
 
 @dataclass(frozen=True)
 class Partfield:
-    """A field, `PFD`.
-
-    Attributes:
-        id: id in the file, such as "PFD-2".
-        name: the farmer's name of the field.
-        boundary: in longitude and latitude, degrees; None if the file has none.
-    """
+    """A field, `PFD`; its boundary is in longitude and latitude, degrees, None if the file has none."""
 
     id: str
     name: str
@@ -48,7 +42,6 @@ class DeviceElement:
     """A part of a machine, `DET`.
 
     Attributes:
-        id: id in the file, such as "DET-1".
         kind: 1 device, 2 function, 3 bin, 4 section, 5 unit, 6 connector, 7 navigation reference.
         parent: id of the parent element; "" for the machine itself.
     """
@@ -63,7 +56,6 @@ class Task:
     """A task, `TSK`.
 
     Attributes:
-        id: id in the file, such as "TSK1".
         partfield: id of its field; "" if it has none.
         logs: names of its time logs without suffix, in the order of the file.
         begins: of its time spans as written, with or without a time zone; "" for an open one.
@@ -78,16 +70,7 @@ class Task:
 
 @dataclass(frozen=True)
 class TaskData:
-    """The content of a set of task data.
-
-    Attributes:
-        version: version of the file format, such as "4.1".
-        maker: manufacturer of the software that wrote the files.
-        partfields: fields by id.
-        elements: device elements of all machines, by id.
-        tasks: in the order of the file.
-        notices: what is missing or unusual.
-    """
+    """The content of a set of task data: fields and device elements of all machines by id, tasks in their order."""
 
     version: str
     maker: str

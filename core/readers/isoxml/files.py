@@ -22,12 +22,7 @@ MAX_FILE_BYTES: Final = 1 << 30
 
 @dataclass(frozen=True)
 class TaskFiles:
-    """Files by name, ignoring case, because terminals write names in either.
-
-    Attributes:
-        path: path of the folder or archive, for messages.
-        notices: what is unusual about it.
-    """
+    """Files of a folder or archive by name, ignoring case, because terminals write names in either."""
 
     path: Path
     notices: tuple[Notice, ...]

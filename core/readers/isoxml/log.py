@@ -33,11 +33,7 @@ MEDIAN_OF_NORMAL: Final = 0.6745
 
 
 class TaskDataLog(FileReader):
-    """The tasks of ISO 11783-10 task data: a TASKDATA folder, its TASKDATA.XML, or a zip archive of it.
-
-    Args:
-        paths: the sets of one recording, in the order of time.
-    """
+    """The tasks of ISO 11783-10 task data: a TASKDATA folder, its TASKDATA.XML, or a zip archive of it."""
 
     format: ClassVar[str] = "isoxml"
     title: ClassVar[str] = "ISO 11783-10 task data (folder or .zip)"

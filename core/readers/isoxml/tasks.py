@@ -143,15 +143,11 @@ class LoggedTask:
     """A task and the n records with a position in its time logs, in the order of time.
 
     Attributes:
-        field: its field; None if it is unknown.
-        track: (n,) positions.
         state: (n,) int8, values of :class:`ToolState`.
         width_m: (n,) working width; nan where unknown.
         states: states of all records, also those without a position.
         counted_m2: increase of the machine's area counter, summed over all logs; nan if it has none.
         local_minus_utc_s: what was subtracted from the terminal's clock; nan if it is unknown and 0 was used.
-        logs: names of the time logs.
-        notices: what is unusual, missing or damaged.
     """
 
     id: str
@@ -168,13 +164,9 @@ class LoggedTask:
 
 
 def read_tasks(files: TaskFiles, only: str | None = None) -> tuple[TaskData, list[LoggedTask]]:
-    """The content of a set of task data, and its tasks that have a time log.
+    """The content of a set of task data, and its tasks that have a time log, or the one with an id or name.
 
-    Args:
-        only: id or name of the task to read; None for all.
-
-    Raises:
-        InputError: if the set cannot be read, or has no such task. A time log that cannot be read is only a notice.
+    InputError if the set cannot be read, or has no such task. A time log that cannot be read is only a notice.
     """
     content = read_content(files)
     wanted = [task for task in content.tasks if only is None or only in (task.id, task.name)]

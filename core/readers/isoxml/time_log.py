@@ -49,10 +49,8 @@ class TimeLog:
     """A time log's records in the order of the file.
 
     Attributes:
-        name: name of the file, for messages.
         clock_s: (n,) time of the terminal's clock, POSIX seconds as if it were UTC.
         lat_deg: (n,) nan without a position.
-        lon_deg: (n,) likewise.
         up_m: (n,) height above the ellipsoid; nan where not stated.
         status: (n,) int8: the codes of NMEA 2000 (0 none, 1 single, 2 DGNSS, 3 precise, 4 RTK fixed, 5 float, ...), −1
             where not stated.
@@ -62,7 +60,6 @@ class TimeLog:
         record: (m,) int64 index of the record of each value.
         channel: (m,) uint8 index among the channels of each value.
         value: (m,) int32 raw.
-        notices: damage.
     """
 
     name: str

@@ -299,15 +299,12 @@ class Survey:
     """Statistics over the points of a cloud.
 
     Attributes:
-        points: number of points so far.
         low: (3,) minimum x, y, z.
         high: (3,) maximum x, y, z.
         by_return: (16,) number of points by return number.
         by_class: (256,) number of points by class.
-        withheld: number of points marked as deleted.
         first_time: earliest GPS time as in the file; inf without times.
         last_time: latest; -inf without times.
-        bad_times: number of points with an invalid time.
     """
 
     cloud: CloudFile
@@ -414,13 +411,9 @@ class CloudFile:
     """A LAS, LAZ or COPC file whose header, records and chunks have been checked.
 
     Attributes:
-        format: "las", "laz" or "copc".
-        points: number of points that can be read.
         crs: None if the file states none, or none that PROJ understands.
         clock: the meaning of its times.
         extra: dimensions that are not part of the point format; they are listed, not read.
-        laz: where the compressed points are; None if the points are not compressed.
-        index: the octree; None if there is none, or it is invalid.
         notices: errors in header and records that show before the points are read; for the others see :class:`Survey`.
         lost: what of damaged points has been left out so far.
     """
@@ -488,11 +481,7 @@ class CloudFile:
 
 @dataclass(frozen=True)
 class TableCloud(CloudFile):
-    """A PCD, PLY or E57 file; its header is that of a LAS file with the same points.
-
-    Attributes:
-        table: where the points are.
-    """
+    """A PCD, PLY or E57 file; its header is that of a LAS file with the same points."""
 
     table: PointTable = field(kw_only=True, repr=False)
 

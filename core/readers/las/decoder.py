@@ -38,13 +38,9 @@ class Decoder:
         self._owner = 0
 
     def points(self, size: int, **order: Any) -> NDArray[np.uint8]:
-        """The decoded bytes.
+        """The decoded bytes; Undecodable if the points are damaged, whatever that does to the decoder.
 
-        Args:
-            order: what is decoded; see :mod:`~furrowmap.core.readers.las.decoding`.
-
-        Raises:
-            Undecodable: if the points are damaged, whatever that does to the decoder.
+        `order` is what is decoded; see :mod:`~furrowmap.core.readers.las.decoding`.
         """
         line = json.dumps({**order, "size": size}).encode() + b"\n"
         with self._lock:

@@ -129,12 +129,7 @@ class _Scan:
 
 @dataclass(frozen=True)
 class E57Points(PointTable):
-    """The points of all scans of an E57 file.
-
-    Attributes:
-        page_bytes: length of the file's pages, with their checksums.
-        scans: where the points are.
-    """
+    """The points of all scans of an E57 file, and the length of its pages with their checksums."""
 
     page_bytes: int
     scans: tuple[_Scan, ...]

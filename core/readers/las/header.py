@@ -27,13 +27,7 @@ EXTRA_TYPES: Final = (
 
 @dataclass(frozen=True)
 class LasRecord:
-    """A variable-length record.
-
-    Attributes:
-        user: user id.
-        number: record id.
-        data: its content, up to a megabyte of extended ones.
-    """
+    """A variable-length record; the content of extended ones is read up to a megabyte."""
 
     user: str
     number: int
@@ -153,24 +147,16 @@ class LasHeader:
     Attributes:
         version: minor version of LAS 1.
         encoding: global encoding, bit 0: standard time instead of week time, bit 4: CRS as WKT.
-        system: system identifier.
-        software: generating software.
-        created: date of creation; None if it is invalid.
         header_bytes: length of the header; the variable-length records begin behind it.
         offset: byte offset of the points.
-        records: number of variable-length records.
         point_format: 0 to 10.
-        compressed: whether the points are declared as compressed.
         record_bytes: bytes of a point, extra bytes included.
         by_return: number of points by return number, 5 or (LAS 1.4) 15 of them.
-        scale: scale factors of x, y and z.
         shift: offsets of x, y and z.
         low: minimum x, y and z.
         high: maximum x, y and z.
         extended_at: byte offset of the extended records, 0 for none.
-        extended: number of extended records.
         waveforms_at: byte offset of the waveforms, 0 for none.
-        notices: errors in the header.
     """
 
     version: int

@@ -52,10 +52,7 @@ class LazPoints:
     """The compressed points of a file, checked.
 
     Attributes:
-        vlr: the LASzip record for the decoder.
-        points: (n,) number of points of each chunk.
         begins: (n,) byte offset of each chunk.
-        sizes: (n,) bytes of each chunk.
         layers: number of layers of a chunk; 0 for pointwise compression.
         record_bytes: bytes of a decompressed point.
     """

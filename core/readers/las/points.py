@@ -97,10 +97,7 @@ class CloudBatch:
     Attributes:
         xyz_m: (n, 3) float64 x, y and z in the CRS and the units of the file (metres if the CRS is in metres).
         classification: uint8, see LAS 1.4 tables 10 and 17.
-        intensity: uint16.
-        return_number: uint8, from 1.
         returns: uint8 number of returns of the pulse.
-        point_source_id: uint16.
         withheld: bool, points marked as deleted.
         gps_time: float64 as in the file, nan where it is invalid; None if the points have no time.
         t_s: float64 UTC, nan where the time is invalid; None if the points have no time, or seconds of an unknown

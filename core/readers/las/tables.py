@@ -46,9 +46,7 @@ class PointTable:
     """Where the points of a PCD or PLY file are.
 
     Attributes:
-        format: "pcd" or "ply".
         row: fields of a point; their names are in lower case, without CloudCompare's prefix ``scalar_``.
-        points: number of points as the header states it.
         offset: byte offset of the first of them.
         coding: "ascii" (lines of numbers), "binary", or "binary_compressed" (PCD: all values of a field together).
     """

@@ -56,9 +56,6 @@ class NmeaLog(PositionLog):
     Sentences may begin at every ``$`` and need a valid checksum, so noise and binary messages between them are skipped.
     The height above the ellipsoid is altitude + geoid separation. Times are UTC; the date comes from RMC or ZDA, else
     from `ReadOptions.date` or `ReadOptions.near_s`.
-
-    Args:
-        options: `date` and `near_s` are used.
     """
 
     format: ClassVar[str] = "nmea"

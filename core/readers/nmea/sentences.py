@@ -107,8 +107,7 @@ class Sentences:
 class SentenceCounts(MessageCounts[str]):
     """Counts over a stream of sentences; their kind is the address, such as ``GNGGA`` or ``PSTI``.
 
-    Attributes:
-        behind_cut: intact sentences that begin where a truncated one ends, in the middle of a line.
+    `behind_cut` counts intact sentences that begin where a truncated one ends, in the middle of a line.
     """
 
     behind_cut: int = 0
@@ -117,8 +116,7 @@ class SentenceCounts(MessageCounts[str]):
 def read_sentences(source: Source, counts: SentenceCounts) -> list[Sentences]:
     """The sentences of a stream from its current position, piece by piece.
 
-    Args:
-        counts: of the streams before, if there are any; updated. Their lengths are added to :attr:`Sentences.at`.
+    `counts` are updated; the length of streams before is added to :attr:`Sentences.at`.
     """
     found = []
 
@@ -136,7 +134,6 @@ def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool
 
     Args:
         counts: the counts; updated, except for `stream_bytes`.
-        base: offset of the piece in the stream.
         last: whether the stream ends with this piece; else an unfinished sentence at its end is left for the next one.
     """
     room = data.count(b"$") + data.count(b"$PUBX,00,")

@@ -163,11 +163,7 @@ class _Found(NamedTuple):
 
 
 def read_messages(source: Source, counts: MessageCounts[str]) -> dict[str, list[Messages]]:
-    """The messages of :data:`LAYOUTS` in a stream from its current position, piece by piece.
-
-    Args:
-        counts: of the streams before, if there are any; updated. Their lengths are added to :attr:`Messages.at`.
-    """
+    """The messages of :data:`LAYOUTS` in a stream from its current position, piece by piece; `counts` are updated."""
     parts: dict[str, list[Messages]] = {name: [] for name in LAYOUTS}
 
     def scan(piece: bytes, base: int, last: bool) -> int:
@@ -186,8 +182,6 @@ def scan_bytes(
     """The messages of :data:`LAYOUTS` in `data`, and the number of bytes that are done with.
 
     Args:
-        counts: the counts; updated, except for `stream_bytes`.
-        base: offset of the piece in the stream.
         last: whether the stream ends with this piece; else an unfinished message at its end is left for the next one.
     """
     found: dict[str, _Found] = defaultdict(lambda: _Found([], []))

@@ -58,7 +58,6 @@ class PacketSender:
 
     Attributes:
         sender: as in :class:`~furrowmap.core.readers.pcap.Datagrams`.
-        length: of the packets.
         serial: serial number in their headers; 0 if they have none.
         init_id: number of the sensor's start there; 0 if they have none.
     """
@@ -266,7 +265,6 @@ def sensors_and_time(
     """The sensors that send data packets, the clock of the first one, and what is uncertain about them.
 
     Args:
-        path: the recording, with the metadata beside it.
         blocks: its datagrams, of which as many are taken as it needs.
         skipped: gets the frames that are no data packets, by kind.
         model, source: choose among several sensors.
@@ -314,7 +312,6 @@ def sensors_of(
     """The sensors that send data packets, those with most packets first, and what is uncertain about their metadata.
 
     Args:
-        path: the recording.
         beside: metadata that may be theirs, and what is wrong with others.
         model: chooses among several sensors.
 

@@ -94,10 +94,8 @@ class PixelProfile(NamedTuple):
     """How a pixel of a packet holds its returns.
 
     Attributes:
-        pixel_bytes: length of a pixel.
         range_bits: lowest bits of the first two or four bytes that are the range.
         range_step_mm: distance per count.
-        reflectivity_at: byte of the reflectivity.
         second_at: byte of a second return, which is like the first; 0 for none.
     """
 
@@ -150,14 +148,10 @@ def packet_bytes(profile: str, beams: int, columns: int) -> int:
 
 
 class Heads(NamedTuple):
-    """Headers of m data packets.
+    """Headers of m data packets, each (m,) int64.
 
-    Attributes:
-        frame: (m,) int64 number of the turn.
-        column: (m,) int64 number of the first column.
-        stamp_ns: (m,) int64 stamp of the first column.
-        serial: (m,) int64 serial number; 0 where packets do not have it.
-        init_id: (m,) int64 number of the sensor's start; 0 where packets do not have it.
+    Serial number and number of the sensor's start are 0 where they are none. Frame is the number of the turn; column
+    and stamp are those of the first column.
     """
 
     frame: IntArray
@@ -186,17 +180,11 @@ class Metadata:
     """What the metadata of a sensor say.
 
     Attributes:
-        name: the file, for messages.
         product: product line, such as "OS-1-32-U0".
-        serial: serial number; 0 if it is not stated.
         init_id: number of the sensor's start in the headers of its packets; 0 if it is not stated.
-        firmware: version of the firmware.
-        profile: name of the packets' profile.
         fusa: whether packets have the header of functional safety.
         timestamp_mode: what sets the clock, such as "TIME_FROM_PTP_1588"; empty if it is not stated.
         leap_s: seconds that the sensor adds to UTC.
-        columns: columns of a turn.
-        packet_columns: columns in a packet.
         window: first and last column that are measured.
         turns_a_second: of the lidar mode; nan if it is not stated.
         elevation_deg: (n,) of the beams, in the order of the packets.

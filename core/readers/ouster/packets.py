@@ -92,12 +92,9 @@ class OusterDecoder:
         return self.time.kind if self.time else Clock.RECORDER
 
     def push(self, data: ByteArray, offset: IntArray, host_s: FloatArray) -> list[Scan]:
-        """Scans that these packets complete.
+        """Scans that these packets complete, from payloads at offsets (m,) of the data.
 
-        Args:
-            data: (k,) uint8.
-            offset: (m,) where in `data` each payload begins.
-            host_s: (m,) the recorder's time of each packet, UTC in seconds.
+        `host_s` (m,) is the recorder's UTC.
         """
         m = self.metadata
         head = m.heads(data, offset)

@@ -34,11 +34,7 @@ class RawPoses:
         seconds: (n,) in the time scale `scale`.
         scale: "unix" (UTC since 1970), "gps" or "utc" (both since 1980-01-06 or since the start of the week, Sunday
             0 h).
-        scale_note: where the time scale comes from.
         values: (n, 12): position, roll, pitch, heading, and the six standard deviations of :class:`PoseTrack`.
-        projected: as in :class:`PoseTrack`.
-        true_north: as in :class:`PoseTrack`.
-        name: of the files, for messages.
     """
 
     seconds: FloatArray
@@ -52,11 +48,7 @@ class RawPoses:
     def track(self, options: ReadOptions, notices: list[Notice]) -> PoseTrack:
         """The poses in UTC; those out of order are dropped with a notice.
 
-        Args:
-            options: `week`, else `near_s`, gives the week of times that count from its start.
-
-        Raises:
-            InputError: if the week or the time scale is unknown, or too many poses are out of order.
+        InputError if the week or the time scale is unknown, or too many poses are out of order.
         """
         return self._in_order(utc_of(self.seconds, self.scale, self.name, options), notices)
 

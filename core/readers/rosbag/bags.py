@@ -193,7 +193,6 @@ class PacketScans(_PacketMessages):
 
     Args:
         path: the bag, beside which a calibration may be.
-        kind: type of the messages.
         options: `model` and `near_s` are used.
     """
 
@@ -242,10 +241,8 @@ class PacketScans(_PacketMessages):
 class OusterMessages(_PacketMessages):
     """Messages of single packets of an Ouster.
 
-    Args:
-        texts: name and text of messages of the bag that may be the sensor's metadata; without any, they are sought in
-            the folder of the bag.
-        options: `model` is used.
+    `texts` are name and text of messages of the bag that may be the sensor's metadata; without any, they are sought in
+    the folder of the bag. Of the options, `model` is used.
     """
 
     def __init__(self, path: Path, texts: Sequence[tuple[str, str]], options: ReadOptions) -> None:
@@ -310,16 +307,9 @@ _MESSAGES: Final = re.compile(r"^ {2}message_count: (\d{1,18}) *$", re.MULTILINE
 
 
 class BagFiles:
-    """The files of a recording, in the order of time.
+    """The files of a recording in the order of time, also of folders of ROS 2 bags; InputError if a folder has none.
 
-    Args:
-        paths: files, or folders of ROS 2 bags.
-
-    Attributes:
-        notices: files that are missing or damaged; complete when the messages have ended.
-
-    Raises:
-        InputError: if a folder has no file of a bag.
+    Notices of files that are missing or damaged are complete when the messages have ended.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:

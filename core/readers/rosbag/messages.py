@@ -164,11 +164,8 @@ class AttitudeLog(_RowLog):
     def attitude(self, source: str, notices: list[Notice], *, true_north: bool) -> AttitudeTrack:
         """The orientations, of the axes of the device against east, north and up (REP-103).
 
-        Args:
-            true_north: whether north is the true one; the messages do not state it.
-
-        Raises:
-            InputError: if there are none, or the stamps do not increase.
+        The messages do not state whether north is the true one. InputError if there are none, or the stamps do not
+        increase.
         """
         table = self._table
         known = _is_turn(table[:, 1:5])

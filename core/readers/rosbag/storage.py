@@ -47,7 +47,6 @@ class BagMessage(NamedTuple):
         type: ROS 2 name of the type, such as "sensor_msgs/msg/PointCloud2".
         encoding: "ros1" or "cdr".
         received_ns: time of reception by the recorder, POSIX nanoseconds.
-        data: the serialised message.
     """
 
     topic: str
@@ -197,16 +196,8 @@ def ros2_type(name: str) -> str:
 def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
     """A chunk's content, decompressed in steps: content before damage is kept, and decompression bombs are stopped.
 
-    Args:
-        data: the chunk, possibly truncated.
-        method: name of its compression: "", "none", "lz4", "bz2" or "zstd".
-        size: the declared size of its content.
-
-    Returns:
-        Up to `size` bytes, and why they are fewer, or "".
-
-    Raises:
-        Damage: if the compression is unknown or the declared size is implausible.
+    `method` is "", "none", "lz4", "bz2" or "zstd". Up to `size` bytes, and why they are fewer, or "". Damage if the
+    compression is unknown or the declared size is implausible.
     """
     if size > MAX_RECORD_BYTES:
         raise Damage(f"a chunk of {size} bytes is declared")

@@ -64,11 +64,8 @@ class PosHeader:
     """The header of a file, from its comments.
 
     Attributes:
-        form: form of the coordinates.
         time: "GPST", "UTC", "JST"; "" if it is not stated.
         geodetic_height: whether heights are above the geoid.
-        program: the program that wrote the file.
-        mode: its positioning mode.
     """
 
     form: PosForm = PosForm.DEGREES
@@ -115,7 +112,6 @@ class PosRows:
     """The rows of one or more files.
 
     Attributes:
-        header: of the first file.
         style: number of values of a time, 6 (calendar) or 2 (week and seconds); 0 before the first row.
         tables: (n, style + 24) values of the time and after it, nan where a row has fewer; a table each piece.
         numbers: (n,) line numbers of their rows, counted over all files.

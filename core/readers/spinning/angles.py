@@ -24,13 +24,7 @@ _APART_DEG: Final = 1.0
 
 @dataclass(frozen=True)
 class AngleTable:
-    """Angles of each channel in the order of the packet.
-
-    Attributes:
-        path: the file that states them.
-        elevation_deg: (n,).
-        azimuth_deg: (n,), relative to that of the block.
-    """
+    """Angles (n,) of each channel in the order of the packet, azimuths relative to that of the block."""
 
     path: Path
     elevation_deg: FloatArray

@@ -45,15 +45,10 @@ class SensorTraffic:
     """Counts over the datagrams of a recording.
 
     Attributes:
-        maker: of the scanner.
-        decoder: decoder of the sensor's data packets, once reading has begun.
-        captures: captures that were read to their end.
         ignored: datagrams that are not the sensor's, by kind.
         pps: position packets by state of the pulse per second.
         void: position packets without a valid sentence.
         untied: position packets whose sentence is of another second than the sensor's stamp.
-        first_fix: the first position packet with a valid sentence.
-        last_fix: the last position packet with a valid sentence.
     """
 
     maker: Maker

@@ -63,13 +63,10 @@ class PositionPacket:
     """The content of a position packet.
 
     Attributes:
-        host_s: the recorder's time of the packet.
         device_s: the sensor's time, seconds of its hour.
         pps: state of the pulse per second, an index into `PPS_STATES`.
         sentence_s: UTC of its GPRMC sentence; a time of day (0 to 86,400) without a date; nan without a sentence.
         valid: whether the receiver marked that sentence as valid (A).
-        lat_deg: latitude; nan without a position.
-        lon_deg: longitude; nan without a position.
     """
 
     host_s: float
@@ -111,8 +108,7 @@ class PositionPacket:
     def utc_s(self, near_s: float) -> float | None:
         """UTC of the device stamp, with the hour of the sentence; None if the two do not match.
 
-        Args:
-            near_s: a time within twelve hours, for sentences without a date.
+        `near_s` is a time within twelve hours, for sentences without a date.
         """
         if not self.valid:
             return None

@@ -26,20 +26,10 @@ class PacketCounts:
     """Counts over the packets of a decoder.
 
     Attributes:
-        maker: of the scanner.
-        packets: decoded data packets.
         points: returns in the scans.
-        whole: complete scans.
-        cut: incomplete scans.
-        modes: packets by return mode byte.
-        products: packets by product.
-        first_s: UTC of the first packet.
-        last_s: UTC of the last packet.
         usual_s: time between packets, median of the first batch of 20 or more.
         lost: packets missing in gaps between stamps of less than half a revolution.
-        gaps: number of such gaps.
         lost_s: their total duration.
-        pauses: number of longer gaps.
         paused_s: their total duration.
         foreign: packets skipped because they are no data packets of the model.
         repeated: packets skipped because they repeat the one before.
@@ -281,14 +271,9 @@ class PacketDecoder:
         return {"angles": self._angles.path.name if self._angles is not None else "of the model"}
 
     def push(self, payloads: ByteArray, host_s: FloatArray) -> list[Scan]:
-        """Scans that these packets complete.
+        """Scans that these packets complete; InputError if the model is unknown or not supported.
 
-        Args:
-            payloads: (m, k) uint8, UDP payloads of data packets.
-            host_s: (m,) float64, the recorder's time of each (UTC, POSIX seconds).
-
-        Raises:
-            InputError: if the model is unknown or not supported.
+        Payloads (m, k) are uint8 data packets; `host_s` (m,) is the recorder's time of each (UTC, POSIX seconds).
         """
         payloads = np.ascontiguousarray(payloads, np.uint8)
         if payloads.ndim != 2 or len(payloads) != len(host_s):
@@ -299,14 +284,9 @@ class PacketDecoder:
         return self.push_at(data, offset, product, np.asarray(host_s, np.float64))
 
     def push_at(self, data: ByteArray, offset: IntArray, product: IntArray, host_s: FloatArray) -> list[Scan]:
-        """As `push`, for packets in a larger buffer.
+        """As `push`, for packets that begin at offsets (m,) of a larger buffer.
 
-        Args:
-            offset: (m,) int64, where in `data` each payload begins.
-            product: (m,) int64, the product of each (see `Maker.products`); negative ones are skipped.
-
-        Raises:
-            InputError: if the model is unknown or not supported.
+        Each has a product (m,), see `Maker.products`; packets with negative ones are skipped.
         """
         mine = product >= 0
         if self._model is None and mine.any():

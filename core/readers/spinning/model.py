@@ -31,13 +31,9 @@ class PacketLayout:
     in a row have the same azimuth. Numbers are little-endian.
 
     Attributes:
-        lengths: of the payload.
         signature: offset → byte, of all its packets.
-        blocks: number of blocks.
         header: where the first block begins.
         azimuth: where a block has its azimuth, from the start of the block; its returns follow.
-        unit: length of a return.
-        units: returns of a block.
         marked: whether a block begins with the bytes FF EE.
         mode: where the return mode is.
         stamp: where the microseconds of the stamp are.
@@ -84,10 +80,7 @@ class Model:
     """A sensor's geometry and timing.
 
     Attributes:
-        name: the manufacturer's name.
         product: how its packets state the model.
-        layout: of its packets.
-        resolution_m: distance per count.
         cycle_s: time between the firing sequences, in which all lasers fire once.
         laser_s: (n,) firing time of each laser in the sequence, in the order of the packet. The azimuth of the block is
             that at 0.
@@ -184,8 +177,6 @@ class Maker:
     """The models of a maker.
 
     Attributes:
-        name: the manufacturer's name.
-        models: that can be decoded.
         modes: return mode byte → number of returns of a firing, and name.
         others: product → name, of models that cannot be decoded.
         other_names: further name of a model → its name.

@@ -112,9 +112,7 @@ class BinaryMessages:
     """Messages that were found, and what was not one.
 
     Attributes:
-        layouts: by header.
         found: bytes of all messages of a header, one after another.
-        counts: their kind is the header.
     """
 
     layouts: dict[bytes, _BinaryLayout] = field(default_factory=dict)

@@ -128,12 +128,7 @@ def catalogue(language: str) -> Catalogue:
 def translated(text: str, language: str, code: str = "") -> str:
     """A text of the product in another language; what the catalogue does not know stays as it is.
 
-    Args:
-        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
-        code: of the error or warning; its own texts are looked for first.
-
-    Raises:
-        ValueError: if there is no such language.
+    Texts of the error or warning with that code are looked for first. ValueError if there is no such language.
     """
     return text if language == ENGLISH else _translated(text, language, code, MAX_DEPTH)
 

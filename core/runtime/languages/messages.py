@@ -17,7 +17,7 @@ from importlib.resources import files
 from itertools import product
 from typing import Any, Final, TypeAlias
 
-from furrowmap.core.runtime.file_names import without_passwords
+from furrowmap.core.runtime.urls import without_passwords
 
 Part: TypeAlias = "str | Hole | Choice"
 ERROR_PARTS: Final = ("what", "meaning", "remedy")
@@ -162,8 +162,7 @@ def fill(
 ) -> str:
     """The text of a template with values, after the text before it.
 
-    Args:
-        said: words of a value; values in code, between backticks, stay as they are.
+    `said` translates them, but for those in backticks.
     """
     text = before
     for part in parts:

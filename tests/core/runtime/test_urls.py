@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.runtime.file_names import without_passwords
+from furrowmap.core.runtime.urls import without_passwords
 
 SECRET = "S3cr3t"
 WORD = st.text("abcXYZ019-_.~%", min_size=1, max_size=8)
