@@ -15,8 +15,7 @@ from furrowmap.core.readers.areas.polygon_file import IDS, polygons_on_map
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.parcel import Attribute, Parcel
-from furrowmap.core.values.parcel import PlotGrid
+from furrowmap.core.values.parcel import Attribute, Parcel, PlotGrid
 
 MAX_PLOTS: Final = 100_000
 MAX_MISFIT_M: Final = 0.10
