@@ -33,7 +33,7 @@ from ..results import (
 from ..session_layout import session_layout
 from .base_map_chooser import BaseMapChooser
 from .dropped import CLOUDS, DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
-from .machines import add_machine, read_places
+from .machines import add_machine
 from .pages import BatchPage, ResultPage, RunPage, StartPage
 from .replay import Replay, replay
 from .session_lines import NotSimpleError
@@ -147,8 +147,7 @@ class FurrowmapDock(QgsDockWidget):
             if layers:
                 self._zoom_to_first(layers)
         elif dropped.kind == SESSION:
-            self.open_session(dropped.paths[0])
-            self._use_machine(dropped.machine)
+            self.open_session(dropped.paths[0], dropped.machine)
         elif dropped.kind == DRIVES:
             self.begin_batch(dropped.paths, dropped.machine)
         elif dropped.kind == MACHINE:
@@ -189,8 +188,7 @@ class FurrowmapDock(QgsDockWidget):
             return
         session = session_for(recordings)
         if session.exists():
-            self.open_session(session)
-            self._use_machine(machine)
+            self.open_session(session, machine)
             self.report(self.tr("Opened the existing session of these recordings."), Qgis.MessageLevel.Info)
             return
         words = ["init", *map(str, recordings), "-o", str(session)]
@@ -215,7 +213,7 @@ class FurrowmapDock(QgsDockWidget):
         self._command(self.tr("Inspecting the recordings"), words, proposed, self._back_with_error)
 
     def _show_new_session(self, answer: dict[str, Any]) -> None:
-        self.open_session(Path(answer["session"]), answer)
+        self.open_session(Path(answer["session"]), findings=answer)
         if not self.session.fault_of_preview():
             self.previewer.begin(answer["session"])
 
@@ -299,19 +297,10 @@ class FurrowmapDock(QgsDockWidget):
             self.report(self.tr("{path} cannot be added: {reason}.").format(path=path, reason=error.strerror))
             return
         if self._in_form():
-            self._use_machine(path)
+            self.session.use_machine(path)
             self.session.show_machines(name)
         text = self.tr("Added the machine {name}. Choose it in the form of a session.").format(name=name)
         self.report(text, Qgis.MessageLevel.Success)
-
-    def _use_machine(self, path: Path | None) -> None:
-        """Fill the places of a profile into the form."""
-        if path is None or not self._in_form():
-            return
-        try:
-            self.session.use_places(read_places(path))
-        except (OSError, UnicodeDecodeError, NotSimpleError):
-            self.report(self.tr("The machine {name} cannot be read.").format(name=path.name))
 
     def save_machine(self, session: Path, name: str, *, overwrite: bool = False) -> None:
         """Have the worker save the machine of a session; `overwrite` replaces a saved one of this name."""
@@ -357,8 +346,8 @@ class FurrowmapDock(QgsDockWidget):
     def _in_form(self) -> bool:
         return self.pages.currentWidget() is self.session
 
-    def open_session(self, path: Path, findings: dict[str, Any] | None = None) -> None:
-        """Show a session in the form; a session that the form cannot edit is run as it is."""
+    def open_session(self, path: Path, machine: Path | None = None, findings: dict[str, Any] | None = None) -> None:
+        """Show a session in the form, with the places of a profile; one that the form cannot edit is run as it is."""
         self.previewer.cancel()
         try:
             self.session.show_session(path, findings)
@@ -372,6 +361,8 @@ class FurrowmapDock(QgsDockWidget):
             return
         self.start.remember(path)
         self.pages.setCurrentWidget(self.session)
+        if machine is not None:
+            self.session.use_machine(machine)
 
     def preview_session(self, session: Path) -> None:
         """Preview a session in the background."""

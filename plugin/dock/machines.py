@@ -15,7 +15,7 @@ from .session_lines import SessionLines
 
 MACHINE_SUFFIX = ".toml"
 Places = dict[tuple[str, str], Any]
-"""Values of :data:`PLACES`, None where there is none."""
+"""Values of :data:`PLACES` and :data:`LEARNED_FILE`, None where there is none."""
 PLACES = (
     ("antenna", "xyz_m"),
     ("lidar", "xyz_m"),
@@ -31,6 +31,7 @@ PLACES = (
     ("implement", "working_depth_m"),
 )
 """What the form of a session has of a machine: table and key."""
+LEARNED_FILE = ("implement", "learned")
 _SCHEMA = re.compile(r"^furrowmap_machine\s*=", re.MULTILINE)
 _LEARNED = re.compile(r'^learned = "([^"/\\]+\.npz)"', re.MULTILINE)
 
@@ -60,9 +61,14 @@ def is_machine(path: Path) -> bool:
 
 
 def read_places(path: Path) -> Places:
-    """The places in a profile; raises OSError, UnicodeDecodeError or, if not as furrowmap writes it, NotSimpleError."""
+    """The places in a profile, and the file in which its implement is as a run learned it; None without one.
+
+    Raises OSError, UnicodeDecodeError or, if not as furrowmap writes it, NotSimpleError.
+    """
     lines = SessionLines(path.read_text(encoding="utf-8"))
-    return {place: lines.get(*place) for place in PLACES}
+    learned = path.with_name(Path(str(lines.get(*LEARNED_FILE))).name)
+    is_there = learned.suffix == ".npz" and learned.is_file()
+    return {LEARNED_FILE: learned if is_there else None, **{place: lines.get(*place) for place in PLACES}}
 
 
 def add_machine(path: Path) -> str:

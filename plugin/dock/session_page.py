@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -34,7 +36,7 @@ from .form_parts import (
     turn_boxes,
     values_of,
 )
-from .machines import PLACES, Places, machine_names, machine_path, read_places
+from .machines import LEARNED_FILE, PLACES, Places, machine_names, machine_path, read_places
 from .session_lines import NotSimpleError, SessionLines
 from .vehicle_view import VehiclePlaces, VehicleView
 
@@ -73,6 +75,7 @@ class SessionPage(QWidget):
         self._files: list[str] = []
         self._remedy: dict[str, Any] | None = None
         self._tool = IMPLEMENT
+        self._learned: Path | None = None
         self.flight = False
         inside = QWidget()
         layout = QVBoxLayout(inside)
@@ -124,7 +127,7 @@ class SessionPage(QWidget):
         Raises NotSimpleError if the form cannot edit the file, OSError or UnicodeDecodeError if it cannot be read.
         """
         lines = self._lines = SessionLines(path.read_text(encoding="utf-8"))
-        self.path = path
+        self.path, self._learned = path, None
         self.name.setText(str(lines.get("", "name") or ""))
         of_recording = (("recording", "lidar"), ("recording", "gnss"), ("trajectory", "files"), ("implement", "states"))
         self._files = [file for place in of_recording for file in texts_of(lines.get(*place))]
@@ -219,17 +222,29 @@ class SessionPage(QWidget):
             ("implement", "width_m"): self.width_m.value() if with_tool else None,
             ("implement", "xy_m"): values_of(self.implement_xy) if with_tool else None,
             ("implement", "working_depth_m"): self.depth_m.value() if with_tool else None,
+            LEARNED_FILE: self._learned,
             **self.flight_parts.places(self._lines),
         }
 
     def _with_implement(self) -> bool:
         return self.implement_group.isChecked() and not self.flight
 
+    def use_machine(self, path: Path) -> None:
+        """Fill in the places of a profile."""
+        try:
+            self.use_places(read_places(path))
+        except (OSError, UnicodeDecodeError, NotSimpleError):
+            self._show_fault(self.tr("The machine {name} cannot be read.").format(name=path.stem))
+
     def use_places(self, places: Places) -> None:
-        """Fill in the places of a machine; what it does not have stays as it is, and so do several implements."""
+        """Fill in the places of a machine; what it does not have stays as it is, and so do several implements.
+
+        What was learned of its implement is copied into the session's folder when the session is saved.
+        """
         kept = IMPLEMENT if len(self._lines.tables(IMPLEMENT)) > 1 else ""
         known = {place: value for place, value in places.items() if value not in (None, "") and place[0] != kept}
         self._fill_places({**self.places(), **known})
+        self._learned = known.get(LEARNED_FILE)
         self._draw()
 
     def show_machines(self, chosen: str = "") -> None:
@@ -247,7 +262,7 @@ class SessionPage(QWidget):
             return False
         shown = self.places()
         # of an IMU and a camera the form shows the places only where the session has them
-        asked = {place for place in saved if place[0] not in ("imu", "camera") or self._lines.has(place[0])}
+        asked = {place for place in PLACES if place[0] not in ("imu", "camera") or self._lines.has(place[0])}
         known = {place: value for place, value in saved.items() if value not in (None, "") and place in asked}
         return bool(known) and all(same_value(shown[place], value) for place, value in known.items())
 
@@ -396,6 +411,11 @@ class SessionPage(QWidget):
             lines.set(self._tool, "kind", self.kind.text())
         if self.depth_m.value() > 0:
             lines.set(self._tool, "working_depth_m", self.depth_m.value())
+        if self._learned is not None:
+            with suppress(shutil.SameFileError):  # the profile may be beside the session
+                shutil.copyfile(self._learned, self.path.with_name(self._learned.name))
+            lines.set(self._tool, "learned", self._learned.name)
+            self._learned = None
         tools = lines.tables(IMPLEMENT)
         for number, table in enumerate(tools if len(tools) > 1 else (), 1):  # each of several needs a name of its own
             kind, name = lines.get(table, "kind"), lines.get(table, "name")
@@ -459,7 +479,7 @@ class SessionPage(QWidget):
         self.machine = QComboBox(objectName="furrowmapMachine", editable=True)
         self.machine.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
         self.machine.lineEdit().setPlaceholderText(self.tr("Choose a saved machine, or type a name"))
-        self.machine.activated.connect(self._use_machine)
+        self.machine.activated.connect(lambda _: self.use_machine(machine_path(self.machine.currentText())))
         tip = self.tr("Find the scanner's angles in the recording; write them into the session and the chosen machine.")
         save = partial(self._save_machine, self.machine_wanted)
         buttons = side_by_side(
@@ -467,13 +487,6 @@ class SessionPage(QWidget):
             button("furrowmapCalibrate", self.tr("Calibrate"), self._calibrate, tip),
         )
         return group_box(self.tr("Machine"), [self.machine, buttons])
-
-    def _use_machine(self, *_: object) -> None:
-        name = self.machine.currentText()
-        try:
-            self.use_places(read_places(machine_path(name)))
-        except (OSError, UnicodeDecodeError, NotSimpleError):
-            self._show_fault(self.tr("The machine {name} cannot be read.").format(name=name))
 
     def _save_machine(self, signal: Any) -> None:
         name, fault = self.machine.currentText().strip(), ""

@@ -604,7 +604,6 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Saving the machine</source><translation>機械を保存中</translation></message>
   <message><source>Set up furrowmap's worker to run sessions. Results can be opened without it.</source><translation>セッションを実行するには furrowmap のワーカーを設定してください。結果は設定しなくても開けます。</translation></message>
   <message><source>The form cannot edit line {number} of {name}. The session is run as it is.</source><translation>{name} の {number} 行目はフォームで編集できません。セッションをそのまま実行します。</translation></message>
-  <message><source>The machine {name} cannot be read.</source><translation>機械 {name} を読めません。</translation></message>
   <message><source>The machine {name} has them for its next sessions.</source><translation>機械 {name} にも保存しました。次のセッションから使われます。</translation></message>
   <message><source>The previous task is being cancelled; try again in a moment.</source><translation>前のタスクをキャンセルしています。少し待ってからやり直してください。</translation></message>
   <message><source>The run failed; see the log.</source><translation>実行に失敗しました。ログを確認してください。</translation></message>

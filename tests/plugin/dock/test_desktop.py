@@ -234,6 +234,9 @@ def test_machines__are_saved_from_the_form_chosen_from_the_list_and_dropped(seen
     assert seen["machines"] == ["Tractor 1.toml"]
     assert seen["machine_shown"] == "Tractor 1"
     assert seen["chosen"] == [1.847, -0.052, 1.624]
+    session, learned = seen["learned"]
+    assert tomllib.loads(session)["implement"]["learned"] == "Tractor 1.npz"
+    assert learned == "learned", "the file is copied beside the session"
     assert seen["machines_after_drop"] == ["Tractor 1.toml", "passed on.toml"]
 
 
