@@ -39,12 +39,7 @@ MIN_SPREAD_M: Final = 1e-3
 
 @dataclass(frozen=True)
 class ErrorStatistics:
-    """Statistics of one quantity.
-
-    Attributes:
-        average_m, standard_deviation_m, rmse_m: see :data:`DEFINITIONS`; nan without epochs.
-        percentiles_m: at :data:`QUANTILES`, of the absolute value.
-    """
+    """Statistics of one quantity (:data:`DEFINITIONS`), nan without epochs; percentiles are at :data:`QUANTILES`."""
 
     n: int
     average_m: float

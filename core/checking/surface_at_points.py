@@ -17,9 +17,8 @@ from furrowmap.core.runtime.errors import InputError
 def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = SurveyOptions()) -> ProductAtPoints:
     """Height of a surface at each point, bilinear between cell centres.
 
-    Raises:
-        InputError: if it is no such raster, or the points cannot be read.
-        RefusedError: if PROJ has no exact transformation between their CRS.
+    InputError if it is no such raster, or the points cannot be read; RefusedError if PROJ has no exact transformation
+    between their CRS.
     """
     from rasterio.windows import Window
 

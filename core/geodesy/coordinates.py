@@ -103,9 +103,8 @@ UNCHANGED: Final = TransformSummary()
 def transform_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, TransformSummary]:
     """A GNSS track in the frame, epoch and heights of the map.
 
-    Raises:
-        InputError: if parameters or geoid do not cover a position, or the parameters are of another year.
-        RefusedError: if the datum of the map is not one of satellite positioning.
+    InputError if parameters or geoid do not cover a position, or the parameters are of another year; RefusedError if
+    the datum of the map is not one of satellite positioning.
     """
     lon, lat, height, done = _transform(frame, track.t_s, track.lon_deg, track.lat_deg, track.height_m)
     by_ppp = track.service in OF_TODAY or bool(np.mean(track.fix == Fix.PPP) > 0.5)
@@ -117,12 +116,7 @@ def transform_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, Trans
 
 
 def transform_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, TransformSummary]:
-    """Poses of a trajectory file likewise; those in map coordinates stay unchanged.
-
-    Raises:
-        InputError: as :func:`transform_track`.
-        RefusedError: likewise.
-    """
+    """Poses of a trajectory file, those in map coordinates unchanged; errors as :func:`transform_track`."""
     if track.projected:
         en = track.position[:, :2]
         if bool(((np.abs(en) <= (180.0, 90.0)) & (np.ptp(en, axis=0) < DEGREES_OF_A_DRIVE)).all()):
@@ -197,8 +191,7 @@ def _transform(
 def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: float) -> list[Notice]:
     """Notices about the datum of a map for satellite positions at a site and time.
 
-    Raises:
-        RefusedError: if it differs widely from the datums of satellite positioning.
+    RefusedError if it is far from theirs.
     """
     base = crs.geodetic_crs
     if base is None:

@@ -22,11 +22,9 @@ LOOSE_M: Final = 0.05
 
 @dataclass(frozen=True)
 class CrsChange:
-    """An exact transformation of horizontal coordinates, easting or longitude first.
+    """An exact transformation of horizontal coordinates, easting or longitude first, and its steps in words.
 
-    Attributes:
-        accuracy_m: as stated by its authority; 0 for a projection alone, None where unstated.
-        words: the steps, as named in the PROJ database.
+    `accuracy_m` is that stated by its authority; 0 for a projection alone, None where unstated.
     """
 
     source: CRS

@@ -78,10 +78,9 @@ class ParameterFile:
     from_map: bool = True
 
     def to_map(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
-        """(longitude, latitude, height), each (n,), from the current epoch to that of the map.
+        """(longitude, latitude, height), each (n,), in the epoch of the map.
 
-        Raises:
-            InputError: if the file does not cover a position.
+        InputError if a position is not covered.
         """
         return (self.backward if self.from_map else self.forward)(lon_deg, lat_deg, height_m)
 
@@ -265,8 +264,7 @@ class StatedFrame:
 def stated_frame(text: str) -> StatedFrame | None:
     """The frame and epoch in a session's `crs.coordinates`; None where it has another form than `frame@epoch`.
 
-    Raises:
-        InputError: if PROJ knows no such frame, or the epoch is out of range.
+    InputError if PROJ knows no such frame, or the epoch is out of range.
     """
     found = re.fullmatch(r"\s*(.+?)\s*@\s*(-?\d+(?:\.\d+)?)\s*", text)
     if found is None:
@@ -354,8 +352,7 @@ class MapFrame:
     def project(self, lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(easting, northing) in metres, each (n,), of longitudes and latitudes (n,) in degrees.
 
-        Raises:
-            RefusedError: if the site lies outside the area of use of the CRS, or its scale error there is too large.
+        RefusedError if the site lies outside the area of use of the CRS, or its scale error there is too large.
         """
         if len(lon_deg):
             lon, lat = middle_deg(lon_deg, lat_deg)
@@ -425,10 +422,8 @@ def middle_deg(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[float, float]:
 def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | None = None) -> MapFrame:
     """The map frame of a session, with the files that its table `[crs]` names.
 
-    Raises:
-        InputError: if the CRS, the heights or the coordinates are unknown, the CRS is not projected or not in metres,
-            or a file is missing or of another kind.
-        RefusedError: if there is no exact transformation.
+    InputError if the CRS, the heights or the coordinates are unknown, the CRS is not projected or not in metres, or a
+    file is missing or of another kind; RefusedError if there is no exact transformation.
     """
     try:
         whole = CRS.from_user_input(crs.map)

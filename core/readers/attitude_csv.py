@@ -51,8 +51,7 @@ class AttitudeCsv(FileReader):
     def attitude(self) -> AttitudeTrack:
         """All attitudes of all files.
 
-        Raises:
-            InputError: if a file has no such columns, a field is no number or no angle, or the times do not increase.
+        InputError if columns are missing, fields are no angles, or times do not increase.
         """
         parts = [self._read(path) for path in self.paths]
         t_s, angles = (np.concatenate([part[k] for part in parts]) for k in range(2))

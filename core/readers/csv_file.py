@@ -95,8 +95,7 @@ class CsvFile(Source):
     ) -> FloatArray:
         """All rows (n, k) of k columns, without those in which a field is empty that must not be.
 
-        Raises:
-            InputError: if a column is missing, a field is no number or a number is out of the range of its column.
+        InputError if a column is missing, a field is no number or a number is out of the range of its column.
         """
         self.require(schema, missing_key)
         found = [self.find(column.names) for column in schema]
@@ -126,11 +125,7 @@ class CsvFile(Source):
         return rows
 
     def pieces(self, schema: Sequence[Column]) -> Iterator[FloatArray]:
-        """Rows (n, k) of k columns in pieces; nan where a field is empty or there is no such column.
-
-        Raises:
-            InputError: with the line, if a field is no number.
-        """
+        """Rows (n, k) of k columns in pieces; nan without a field or column; InputError if a field is no number."""
         found = {k: name for k, column in enumerate(schema) if (name := self.find(column.names)) is not None}
         iso = [name for k, name in found.items() if schema[k].iso]
         factors = [schema[k].names[name] for k, name in found.items()]
@@ -262,10 +257,9 @@ def unix_time(text: str) -> float:
 
 
 def read_small(path: Path, max_bytes: int, notices: list[Notice]) -> tuple[bytes, str]:
-    """The content of a small text file, and why it ends before its end, if it does; that is added to the notices.
+    """The content of a small text file, and why it was cut, which is noticed.
 
-    Raises:
-        ValueError: if it is larger, or no text; its text says why.
+    ValueError if it is larger, or no text.
     """
     with Source(path) as source:
         data, fault = source.read(max_bytes + 1), source.fault

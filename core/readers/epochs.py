@@ -115,8 +115,7 @@ def in_order(
 def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray | None:
     """GPS seconds (n,) of seconds of the week (n,) in a log without dates; None if the week is unknown.
 
-    Raises:
-        InputError: if the stated date is invalid, or is not on the log's day of the week.
+    InputError if the stated date is invalid, or is not on the log's day of the week.
     """
     if options.week is not None:
         return unroll(tow_s, WEEK_S) + options.week * WEEK_S

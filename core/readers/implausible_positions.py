@@ -77,15 +77,11 @@ def far_from_middle(xyz_m: FloatArray) -> NDArray[np.bool_]:
 
 
 def strays(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np.bool_]:
-    """Which positions (n,) lie in stretches that are unreachable from the rest.
+    """Which positions (n, 2 or 3), with a sigma of an axis (n,), lie in stretches out of reach of the rest.
 
     A stretch ends where the next position is out of reach. From one of the longest stretches outwards, those are kept
     that begin, by the median of some positions, within reach of the end of the one kept before; of these choices, the
     one that keeps most counts. Of more than :data:`MAX_STRETCHES` none is kept.
-
-    Args:
-        xyz_m: (n, 2 or 3) places.
-        sigma_m: (n,) standard deviation of an axis.
     """
     table = np.column_stack([t_s, sigma_m, xyz_m])
     if len(table) < MIN_STRAY_POSITIONS:
@@ -124,8 +120,7 @@ def drop_implausible_positions(
 ) -> tuple[GnssTrack, NDArray[np.bool_], list[Notice]]:
     """The track without implausible positions, which of its epochs (n,) are kept, and a notice that lists the others.
 
-    Raises:
-        InputError: if that is more than half of the positions.
+    InputError if that is more than half of the positions.
     """
     bad = is_implausible(track.lon_deg, track.lat_deg, track.height_m)
     if not bad.any():

@@ -95,8 +95,7 @@ class ImuCsv(FileReader):
     def inertial(self) -> InertialTrack:
         """All measurements of all files.
 
-        Raises:
-            InputError: if a file has no such columns, a field is no number, or the times do not increase.
+        InputError if columns are missing, fields no numbers, or times do not increase.
         """
         parts = [self._read(path) for path in self.paths]
         t_s, values = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
@@ -113,11 +112,7 @@ class ImuCsv(FileReader):
         return Inspection(self.paths[0], self.format, self.title, facts, (clock,), notices)
 
     def attitude(self) -> AttitudeTrack:
-        """The attitudes in columns beside the measurements, as in an attitude log.
-
-        Raises:
-            InputError: if there are none, or as :meth:`inertial`.
-        """
+        """The attitudes in columns beside the measurements, as in an attitude log; InputError if there are none."""
         log = AttitudeCsv(self.paths, self.options)
         track = log.attitude()
         self.notices += [notice for notice in log.notices if notice not in self.notices]

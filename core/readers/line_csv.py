@@ -100,9 +100,8 @@ class LineCsv(FileReader):
     def scans(self) -> Iterator[Scan]:
         """The sweeps of all files.
 
-        Raises:
-            InputError: if a file has no such columns, a field is no number, times do not increase, or most ranges are
-                not in the stated unit.
+        InputError if a file has no such columns, a field is no number, times do not increase, or most ranges are not in
+        the stated unit.
         """
         self.notices.clear()
         self.counts = counts = _LineCounts()

@@ -93,10 +93,8 @@ def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True)
     """The intact frames in a piece of a stream, whatever is between them.
 
     Checking a frame takes the same time whatever length it claims, because its checksum is a difference of running
-    ones: a hostile file cannot make the scanner read the same bytes many times.
-
-    Args:
-        last: whether the stream ends with this piece; else an unfinished frame at its end is left for the next one.
+    ones: a hostile file cannot make the scanner read the same bytes many times. If the piece is not the last, an
+    unfinished frame at its end is left for the next one.
     """
     rows = np.empty((len(data) // (framing.extra + framing.least) + 1, 3), np.int64)
     n, bad, cut, used = _find(data, framing, last, rows)
@@ -246,12 +244,7 @@ Kind = TypeVar("Kind")
 
 @dataclass
 class MessageCounts(Generic[Kind]):
-    """Counts over a stream of messages.
-
-    Attributes:
-        bad: messages with a wrong checksum or length.
-        foreign_bytes: bytes of no known protocol.
-    """
+    """Counts over a stream: messages by kind, those with a wrong checksum or length, bytes of no known protocol."""
 
     kinds: Counter[Kind] = field(default_factory=Counter)
     bad: int = 0
@@ -301,11 +294,10 @@ class Messages:
 def read_messages(
     source: Source, framing: Framing, layouts: Mapping[int, np.dtype[np.void]], counts: MessageCounts[int]
 ) -> dict[int, list[Messages]]:
-    """The messages of some kinds in a stream from its current position, piece by piece.
+    """The messages of some kinds in a stream from its current position, piece by piece; `counts` are updated.
 
-    Args:
-        layouts: by kind, what the content of a message begins with; a shorter content counts as damaged.
-        counts: of the streams before, if there are any; updated. Their lengths are added to :attr:`Messages.at`.
+    `layouts` are, by kind, what the content of a message begins with; a shorter content counts as damaged. The length
+    of the streams before is added to :attr:`Messages.at`.
     """
     found: dict[int, list[Messages]] = {kind: [] for kind in layouts}
 
@@ -335,9 +327,8 @@ def read_messages(
 def scan_stream(source: Source, counts: MessageCounts[Any], scan: Callable[[bytes, int, bool], int]) -> None:
     """Scan a stream from its current position, piece by piece; its length is added to `counts.stream_bytes`.
 
-    Args:
-        scan: is called with the bytes that are not done with, their offset in all streams, and whether the stream ends
-            with them; returns how many of them are done with.
+    `scan` is called with the bytes that are not done with, their offset in all streams, and whether the stream ends
+    with them; it returns how many of them are done with.
     """
     base, rest = counts.stream_bytes, b""
     while True:

@@ -109,11 +109,7 @@ class PositionLog(FileReader, ABC):
         return f"{week_time(t_s)} (GPS time, no date)"
 
     def track(self) -> GnssTrack:
-        """All positions of all files.
-
-        Raises:
-            InputError: if there are none, if they carry no date and none is known, or if two receivers wrote them.
-        """
+        """All positions of all files; InputError if there are none, undated ones, or those of two receivers."""
         positions = self._positions(self.paths)
         if positions.fault is not None:
             raise positions.fault

@@ -244,11 +244,7 @@ class Recognised:
 
 
 def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
-    """The reader of one recording that may be split into several files of one format.
-
-    Raises:
-        InputError: if the format of a file is unknown, or the files differ in format.
-    """
+    """The reader of one recording that may be split into several files; InputError if they differ in format."""
     first, *beside = Recognised.each_by_content(paths[0])
     found = [first, *map(Recognised.by_content, paths[1:])]
     for other in found[1:]:

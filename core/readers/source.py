@@ -91,11 +91,7 @@ class Source(io.BufferedIOBase):
     """A file's decompressed bytes, in order, and the share that has been read.
 
     A truncated or damaged compressed stream raises no exception: reading ends there, and `fault` describes it. One with
-    far more content than a recording has is refused.
-
-    Attributes:
-        compression: "gzip", "zstd", "xz" or "".
-        fault: why reading ended before the end of the file, or "".
+    far more content than a recording has is refused. `compression` is "gzip", "zstd", "xz" or "".
     """
 
     def __init__(self, path: Path) -> None:

@@ -39,8 +39,7 @@ class StatesCsv(FileReader):
     def states(self) -> ToolStates:
         """The states of all files; the end of the last interval is infinite unless its state is `unknown`.
 
-        Raises:
-            InputError: with the line, if a row is invalid or the times do not increase.
+        InputError, with the line, if a row is invalid or the times do not increase.
         """
         self.notices = []
         rows = [row for path in self.paths for row in _rows(path, self.notices)]

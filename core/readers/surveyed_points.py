@@ -36,12 +36,7 @@ _DEGREE_COLUMNS: Final = ("lon_deg", "lon", "longitude")
 
 @dataclass(frozen=True)
 class SurveyedPoints:
-    """n points in the CRS of a product.
-
-    Attributes:
-        xyz_m: (n, 3) easting, northing, height.
-        sigma_m: (n, 3) standard deviations that the survey states; nan where it states none.
-    """
+    """n points (n, 3) in the CRS of a product, and the standard deviations that the survey states, nan without."""
 
     name: tuple[str, ...]
     xyz_m: FloatArray
@@ -70,9 +65,7 @@ class SurveyOptions:
 def survey_of(path: Path, target: pyproj.CRS, options: SurveyOptions) -> SurveyedPoints:
     """The points of a file in the CRS of a product, without those outside the polygons.
 
-    Raises:
-        InputError: as :func:`read_points`, or if the polygons cannot be read, or hold none of the points.
-        RefusedError: as :func:`read_points`.
+    Errors as :func:`read_points`; InputError if the polygons cannot be read, or hold none of the points.
     """
     survey = read_points(path, target, options.crs)
     if options.within is None:
@@ -103,7 +96,18 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     if path.stat().st_size > MAX_SURVEY_BYTES:
         raise _unreadable(path, f"has {path.stat().st_size:,} bytes: too many for a survey")
     if path.read_bytes()[:16].startswith(b"SQLite format 3"):
-        columns, stated = _from_geopackage(path)
+        try:
+            with named_by_content(path) as named:
+                layer = read_vector_layer(named, times_as_text=True)
+        except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
+            raise _unreadable(path, f"cannot be read ({str(error)[:100]})") from None
+        if not len(layer) or not all(isinstance(shape, shapely.Point) for shape in layer.shapes):
+            raise _unreadable(path, "holds other geometries than points in its first layer")
+        cells = {name.strip().casefold(): values.astype(str).tolist() for name, values in layer.columns.items()}
+        _, columns = _columns(TextTable(cells, list(range(1, 1 + len(layer))), decimal_comma=False))
+        columns["x"], columns["y"], z = layer.coordinates.T
+        columns["h"] = np.where(np.isfinite(z), z, columns["h"])
+        stated = layer.crs
     else:
         table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
         found, columns = _columns(table)
@@ -151,21 +155,6 @@ def in_degrees(path: Path) -> bool:
     except (InputError, OSError):
         return False
     return table.find(_SURVEY_COLUMNS["x"]) in _DEGREE_COLUMNS
-
-
-def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:
-    try:
-        with named_by_content(path) as named:
-            layer = read_vector_layer(named, times_as_text=True)
-    except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
-        raise _unreadable(path, f"cannot be read ({str(error)[:100]})") from None
-    if not len(layer) or not all(isinstance(shape, shapely.Point) for shape in layer.shapes):
-        raise _unreadable(path, "holds other geometries than points in its first layer")
-    cells = {name.strip().casefold(): values.astype(str).tolist() for name, values in layer.columns.items()}
-    _, columns = _columns(TextTable(cells, list(range(1, 1 + len(layer))), decimal_comma=False))
-    columns["x"], columns["y"], z = layer.coordinates.T
-    columns["h"] = np.where(np.isfinite(z), z, columns["h"])
-    return columns, layer.crs
 
 
 def _columns(table: TextTable) -> tuple[dict[str, str | None], dict[str, Any]]:

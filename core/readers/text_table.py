@@ -73,11 +73,7 @@ _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?\d+,\d+\s*")
 
 @dataclass(frozen=True)
 class TextTable:
-    """Rows of text under names of columns.
-
-    Attributes:
-        columns: each column's cells by its name in lower case, without a unit in brackets.
-    """
+    """Rows of text under names of columns in lower case, without a unit in brackets."""
 
     columns: dict[str, list[str]]
     lines: list[int]
@@ -117,11 +113,7 @@ def number_or_text(text: str) -> float | str | None:
 
 
 def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
-    """A table in a text file; lines that begin with # are comments.
-
-    Raises:
-        InputError: made by `unreadable`, if the file cannot be read or is no table.
-    """
+    """A table in a text file, without comments (#); the error of `unreadable` if it cannot be read or is no table."""
     try:
         return _parse_table(path.read_bytes())
     except (ValueError, OSError) as error:
@@ -131,10 +123,8 @@ def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable
 def read_sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
     """The first sheet of a spreadsheet, or a CSV. The first row that is not empty has the names of the columns.
 
-    Raises:
-        InputError: made by `unreadable`, if the file cannot be read or is no table, or a large or damaged one; or if
-            python-calamine is needed and not installed.
-        RefusedError: if a spreadsheet unpacks to far more than its size.
+    The error of `unreadable` if the file cannot be read or is no table, or a large or damaged one; InputError if
+    python-calamine is needed and not installed, RefusedError if a spreadsheet unpacks to far more than its size.
     """
     try:
         with path.open("rb") as file:

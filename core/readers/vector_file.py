@@ -35,22 +35,6 @@ def _is_kml(head: bytes) -> bool:
     return text.startswith(b"<") and (b"<kml" in text[:1000] or b":kml" in text[:1000])
 
 
-def _kml_polygons(path: Path) -> tuple[tuple[BaseGeometry, ...], tuple[dict[str, Any], ...], int]:
-    """Polygons (longitude, latitude; n), their attributes (n), and how many placemarks have another geometry."""
-    root = parse_xml(path.read_bytes(), f"{path}")
-    shapes: list[BaseGeometry] = []
-    attributes: list[dict[str, Any]] = []
-    others = 0
-    for mark in _within(root, "Placemark"):
-        polygons = [_polygon(found) for found in _within(mark, "Polygon")]
-        if not polygons:
-            others += any(_tag(element) in _GEOMETRIES for element in _all(mark))
-            continue
-        shapes.append(polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons))
-        attributes.append(_attributes(mark))
-    return tuple(shapes), tuple(attributes), others
-
-
 def _attributes(mark: Element) -> dict[str, Any]:
     found: dict[str, Any] = {
         _tag(child): number_or_text(child.text) for child in mark.children if _tag(child) in ("name", "description")
@@ -133,12 +117,9 @@ class Polygons:
 def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     """The polygons of the first layer of a vector file.
 
-    Only formats are read whose GDAL drivers open no other files.
-
-    Raises:
-        InputError: made by `unreadable`, if the file has another format, cannot be read, has no polygon, states no CRS,
-            or has coordinates that are not finite.
-        RefusedError: if an archive unpacks to far more than its size.
+    Only formats are read whose GDAL drivers open no other files. The error of `unreadable` if the file has another
+    format, cannot be read, has no polygon, states no CRS, or has coordinates that are not finite; RefusedError if an
+    archive unpacks to far more than its size.
     """
     try:
         with path.open("rb") as file:
@@ -178,8 +159,18 @@ def _read_layer(path: Path, head: bytes) -> Polygons:
             if not (_is_kml(head) or head.startswith(_VECTOR_MAGIC[2])):
                 raise ValueError(f"its layer {path.name} is neither a Shapefile nor KML")
         if _is_kml(head):
-            shapes, attributes, others = _kml_polygons(path)
-            return Polygons(shapes, attributes, CRS.from_epsg(4326), others)
+            root = parse_xml(path.read_bytes(), f"{path}")
+            shapes: list[BaseGeometry] = []
+            attributes: list[dict[str, Any]] = []
+            others = 0
+            for mark in _within(root, "Placemark"):
+                polygons = [_polygon(found) for found in _within(mark, "Polygon")]
+                if not polygons:
+                    others += any(_tag(element) in _GEOMETRIES for element in _all(mark))
+                    continue
+                shapes.append(polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons))
+                attributes.append(_attributes(mark))
+            return Polygons(tuple(shapes), tuple(attributes), CRS.from_epsg(4326), others)
         return _by_gdal(stack.enter_context(named_by_content(path)))
 
 

@@ -47,10 +47,8 @@ class Option:
 def setting(name: str, metavar: str = "", *, default: Any = None, **facts: Any) -> Any:
     """A field of a dataclass of settings that an option of a command sets.
 
-    The help of the option is the entry of the field in the docstring of the class, under "Attributes".
-
-    Args:
-        facts: other attributes of :class:`Option`.
+    `facts` are other attributes of :class:`Option`. The help of the option is the entry of the field in the docstring
+    of the class, under "Attributes".
     """
     choices = facts.get("choices")
     shown = next(iter(choices)) if isinstance(choices, Mapping) else None if default is MISSING else default

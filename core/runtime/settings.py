@@ -122,8 +122,7 @@ def allows(what: Allowance) -> bool:
 def language_of_user(stated: str | None = None) -> str:
     """The language in force; else the stated one; else that of the environment variable FURROWMAP_LANG; else English.
 
-    Raises:
-        UsageError: if the environment names one that there is not.
+    UsageError if the environment names one that there is not.
     """
     language = settings().language or stated or os.environ.get(LANGUAGE_VARIABLE) or ENGLISH
     if language not in LANGUAGES:

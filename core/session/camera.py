@@ -97,8 +97,7 @@ def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]
 def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -> Images:
     """The images of a session that are files, in the order of time, by the clock of the positions.
 
-    Raises:
-        InputError: if a file lies outside the session's folder, or the table cannot be read.
+    InputError if a file lies outside the session's folder, or the table cannot be read.
     """
     folder, parts = session_file.resolve().parent, []
     table = camera_table(session_file, source)

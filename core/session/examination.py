@@ -125,11 +125,9 @@ def _tried_on(inspection: Inspection) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class TimeMatch:
-    """The overlap in time of a LiDAR recording and one with positions.
+    """The overlap in time of a LiDAR recording and one with positions; negative: the gap between them.
 
-    Attributes:
-        shared_s: duration of the overlap; negative: duration of the gap between them.
-        offset_s: a likely offset, scanner clock minus the other, with which they would overlap.
+    `offset_s` is a likely offset, scanner clock minus the other, with which they would overlap.
     """
 
     scans: Path

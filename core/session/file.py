@@ -59,11 +59,7 @@ MAX_TOML_INTEGER: Final = 2**63
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The content of a TOML text.
-
-    Raises:
-        tomllib.TOMLDecodeError: if it is not valid, has an integer of more than 64 bits, or is nested too deeply.
-    """
+    """The content of a TOML text; TOMLDecodeError also for integers of more than 64 bits, and deep nesting."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError:

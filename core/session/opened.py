@@ -149,13 +149,9 @@ class Inputs:
 
 
 class LidarRecording:
-    """The laser scans of a session, with times by the clock of its positions.
+    """The laser scans of a session in its span, with times by the clock of its positions.
 
     `[recording] lidar_minus_gnss_s` is subtracted here and nowhere else. The recording may be read several times.
-
-    Args:
-        minus_gnss_s: scanner clock minus GNSS clock.
-        span_s: first and last time to use, by the clock of the positions.
     """
 
     def __init__(self, reader: LidarReader, minus_gnss_s: float, span_s: Span = WHOLE_SPAN) -> None:
@@ -208,11 +204,7 @@ class OpenSession:
         return replace(self, session=session, inputs=replace(self.inputs, within=polygons.resolve()))
 
     def positions(self) -> Reader:
-        """A reader of the GNSS positions, or of the external trajectory.
-
-        Raises:
-            InputError: if a file has an unknown format, or one that does not give what the session names it for.
-        """
+        """A reader of the GNSS positions, or of the external trajectory; InputError if a file does not give them."""
         recording, stated = self.session.recording, self.session.trajectory
         options = ReadOptions(
             date=recording.date,
@@ -294,9 +286,7 @@ class OpenSession:
 def open_session(session_file: Path) -> OpenSession:
     """The session in a file, with the files it names found and its map frame.
 
-    Raises:
-        InputError: if the session file or a file that it names cannot be used.
-        RefusedError: if the map frame is ambiguous.
+    InputError if the session file or a file that it names cannot be used, RefusedError if the map frame is ambiguous.
     """
     session = load_session(session_file)
     inputs = Inputs.find(session_file, session)

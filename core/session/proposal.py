@@ -161,9 +161,7 @@ def places_missing(
 ) -> Sequence[Notice]:
     """Places that neither the recordings nor the machine's profile show.
 
-    Args:
-        scans: whether a scanner, or a flight, was recorded.
-        flies: whether the vehicle flies: it has no implement, and its antenna is the origin.
+    A vehicle that flies has no implement, and its antenna is the origin.
     """
     mounted = machine.lidar is not None and None not in (machine.lidar.xyz_m, machine.lidar.rpy_deg)
     place = ".place" if flight is not None else ""
@@ -236,14 +234,10 @@ def common_folder(paths: Sequence[Path]) -> Path:
 def propose_session(
     recordings: Sequence[Examined], folder: Path, machine: Machine | None = None, beside: TrialFiles = NO_TRIAL
 ) -> Proposal:
-    """Propose a session file for recordings.
+    """Propose a session file for recordings; the places of the machine's sensors and its tool are copied.
 
-    Args:
-        machine: that made them; the places of its sensors and its tool are copied.
-
-    Raises:
-        InputError: if a recording is outside `folder`, has a name that TOML cannot hold, or if a session can use none
-            of the recordings.
+    InputError if a recording is outside `folder`, has a name that TOML cannot hold, or if a session can use none of the
+    recordings.
     """
     ordered = sorted(recordings, key=lambda r: r.first_s)
     lidar = [r for r in ordered if r.gives(GivesScans)]

@@ -49,12 +49,27 @@ def drive_path(
     duration_s = float(knots_s[-1]) + drive.stand_end_s
     count = math.floor((duration_s + AFTER_S + LEAD_IN_S) * DRIVE_RATE_HZ) + 1
     t_s = np.arange(count) / DRIVE_RATE_HZ - LEAD_IN_S
-    distance_m, speed_mps = _way_at(t_s, knots_s, knots_m, speeds_mps)
+    i = np.clip(np.searchsorted(knots_s, t_s, side="right") - 1, 0, len(knots_s) - 2)
+    span = knots_s[i + 1] - knots_s[i]
+    since = np.clip(t_s - knots_s[i], 0.0, span)
+    acceleration = (speeds_mps[i + 1] - speeds_mps[i]) / np.where(span > 0.0, span, 1.0)
+    distance_m = knots_m[i] + speeds_mps[i] * since + 0.5 * acceleration * since**2
+    moving = (t_s > knots_s[0]) & (t_s < knots_s[-1])
+    speed_mps = np.where(moving, speeds_mps[i] + acceleration * since, 0.0)
     u, v, yaw = (np.interp(distance_m, path.distance_m, values) for values in (path.u_m, path.v_m, path.yaw_rad))
     gear = path.gear[np.clip(np.searchsorted(path.distance_m, distance_m, side="right") - 1, 0, len(path.gear) - 1)]
     lane = math.radians(90.0 - drive.lane_heading_deg)
     first_there_s = knots_s[np.searchsorted(knots_m, np.array(path.passes) - 1e-9)]
-    tool_m = _tool_height(t_s, first_there_s, implement, rng)
+
+    def moved(since_s: FloatArray) -> FloatArray:
+        x = np.clip(since_s / implement.move_s, 0.0, 1.0)
+        return x * x * (3.0 - 2.0 * x)
+
+    lifted = np.ones(len(t_s))
+    for lowered_s, lifted_s in first_there_s:
+        lifted -= moved(t_s - lowered_s) - moved(t_s - lifted_s)
+    jitter = band_noise(rng, len(t_s), DRIVE_RATE_HZ, 0.5, 3.0) * implement.jitter_m
+    tool_m = implement.lift_m * lifted + (1.0 - np.clip(lifted, 0.0, 1.0)) * jitter
     return SimulatedTrack(
         t_s,
         drive.start_xy_m[0] + u * math.cos(lane) - v * math.sin(lane),
@@ -99,30 +114,3 @@ def _timetable(path: DrivenPath, drive: ScenarioDrive) -> tuple[FloatArray, Floa
         t_s, way, speed = (np.insert(values, index + 1, values[index]) for values in (t_s, way, speed))
         t_s[index + 1] += stand_s
     return t_s, way, speed
-
-
-def _way_at(
-    t_s: FloatArray, knots_s: FloatArray, knots_m: FloatArray, speeds: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """(way, speed) at times: uniform acceleration from point to point, standing before the first and after the last."""
-    i = np.clip(np.searchsorted(knots_s, t_s, side="right") - 1, 0, len(knots_s) - 2)
-    span = knots_s[i + 1] - knots_s[i]
-    since = np.clip(t_s - knots_s[i], 0.0, span)
-    acceleration = (speeds[i + 1] - speeds[i]) / np.where(span > 0.0, span, 1.0)
-    way = knots_m[i] + speeds[i] * since + 0.5 * acceleration * since**2
-    moving = (t_s > knots_s[0]) & (t_s < knots_s[-1])
-    return way, np.where(moving, speeds[i] + acceleration * since, 0.0)
-
-
-def _tool_height(
-    t_s: FloatArray, passes_s: FloatArray, implement: ScenarioImplement, rng: np.random.Generator
-) -> FloatArray:
-    def moved(since_s: FloatArray) -> FloatArray:
-        x = np.clip(since_s / implement.move_s, 0.0, 1.0)
-        return x * x * (3.0 - 2.0 * x)
-
-    lifted = np.ones(len(t_s))
-    for lowered_s, lifted_s in passes_s:
-        lifted -= moved(t_s - lowered_s) - moved(t_s - lifted_s)
-    jitter = band_noise(rng, len(t_s), DRIVE_RATE_HZ, 0.5, 3.0) * implement.jitter_m
-    return implement.lift_m * lifted + (1.0 - np.clip(lifted, 0.0, 1.0)) * jitter

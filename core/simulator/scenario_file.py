@@ -23,11 +23,7 @@ PACKAGED: Final = ("demo", "road", "flight")
 
 
 def load_scenario(path: Path) -> Scenario:
-    """Load the scenario file `path`.
-
-    Raises:
-        InputError: if the file cannot be read, is not TOML, or has an unknown key or an invalid value.
-    """
+    """Load a scenario file; InputError if it cannot be read, is not TOML, or has an unknown key or an invalid value."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -333,11 +333,7 @@ TILT_S: Final = 0.15
 
 
 def lay_out_flight(scenario: Scenario, flight: Flight) -> Scenario:
-    """`scenario` with the ground and the start laid round the path where they are not stated.
-
-    Raises:
-        InputError: the ground would be too large to hold.
-    """
+    """`scenario` with ground and start laid round the path where they are not stated; InputError if too large."""
     e, n = _turn(waypoints(flight), flight.heading_deg).T
     size, start = lay_round(scenario.field, flight.start_xy_m, e, n)
     replace = msgspec.structs.replace
@@ -446,11 +442,7 @@ class Written:
 
 
 def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Progress) -> Written:
-    """The recording of an aircraft and its truth, into `folder` and its folder "truth".
-
-    Raises:
-        InputError: the scenario describes no possible place, or too much ground.
-    """
+    """The recording of an aircraft and its truth, into `folder` and `folder/truth`; InputError as `lay_out_flight`."""
     scenario = lay_out_flight(scenario, flight)
     assert scenario.flight is not None
     flight, site, ground = scenario.flight, find_site(scenario), make_ground(scenario, [])

@@ -30,8 +30,7 @@ MAX_SITE_CELLS = 80_000_000
 def lay_out(scenario: Scenario, path: DrivenPath) -> Scenario:
     """`scenario` with the ground, the start and the boundary laid round the drive where they are not stated.
 
-    Raises:
-        InputError: the ground would be too large to hold.
+    InputError if the ground would be too large to hold.
     """
     lane = math.radians(90.0 - scenario.drive.lane_heading_deg)
     east = path.u_m * math.cos(lane) - path.v_m * math.sin(lane)
@@ -53,8 +52,7 @@ def lay_round(
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Size of the ground, and the start on it, as stated or laid round a way from the start, (n,) east and north.
 
-    Raises:
-        InputError: the ground would be too large to hold.
+    InputError if the ground would be too large to hold.
     """
     size = tuple(
         math.ceil(np.ptp(values) + 2.0 * field.margin_m) if math.isnan(stated) else stated

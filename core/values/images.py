@@ -43,12 +43,9 @@ ImageFile = Path | StoredImage
 
 @dataclass(frozen=True)
 class Images:
-    """Images in the order of time.
+    """Images in the order of time, by the UTC (n,) stated for each.
 
-    Attributes:
-        t_s: (n,) UTC that is stated for each, not decreasing.
-        lon_lat_h: (n, 3) float64 longitude and latitude in degrees and height in metres, as the files state them; nan
-            where they do not.
+    `lon_lat_h` (n, 3) are longitude and latitude in degrees and height in metres, nan where files do not state them.
     """
 
     paths: tuple[ImageFile, ...]

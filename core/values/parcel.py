@@ -61,12 +61,7 @@ SOIL_METHODS: Final[tuple[SoilMethod, ...]] = ("surface", "plane")
 
 @dataclass(frozen=True)
 class Parcel:
-    """A parcel on the map.
-
-    Attributes:
-        gross, net: the sown area, and the part of it that figures are of, in map coordinates (m).
-        attributes: what else is known of it, such as its treatment, by name.
-    """
+    """A parcel on the map: the sown area (gross), the part that figures are of (net), and attributes."""
 
     id: str
     gross: shapely.Polygon

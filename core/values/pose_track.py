@@ -56,11 +56,9 @@ class PoseTrack:
 
 @dataclass(frozen=True)
 class MountMotion:
-    """Attitude of a mount in the vehicle frame over time, interpolated between samples.
+    """Attitude of a mount in the vehicle frame at UTC (n,), strictly increasing, interpolated between.
 
-    Attributes:
-        t_s: (n,) UTC, strictly increasing.
-        quaternion: (n, 4) (w, x, y, z) unit quaternions, mount to vehicle: a mount at rest has the vehicle's axes.
+    Quaternions (n, 4) (w, x, y, z) lead from mount to vehicle: a mount at rest has the vehicle's axes.
     """
 
     t_s: FloatArray

@@ -77,11 +77,9 @@ def compass_direction(east: float, north: float) -> str:
 
 @dataclass(frozen=True)
 class Mounting:
-    """The extrinsic parameters of a sensor: lidar frame → vehicle frame.
+    """The extrinsic parameters of a sensor: lidar frame → vehicle frame, in which `xyz_m` is the sensor's origin.
 
-    Attributes:
-        xyz_m: the sensor's origin in the vehicle frame.
-        rpy_deg: roll, pitch, yaw; ``R = Rz(yaw)·Ry(pitch)·Rx(roll)`` rotates lidar to vehicle coordinates.
+    Of roll, pitch, yaw, ``R = Rz(yaw)·Ry(pitch)·Rx(roll)`` rotates lidar to vehicle coordinates.
     """
 
     xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -40,9 +40,7 @@ SOURCE_NAMES: Final = ("heading_from", "position_from", "height_from", "level_fr
 class Poses:
     """Poses of the vehicle frame in the map frame at given times; nan where there is none.
 
-    Attributes:
-        xyz_m: (n, 3) float64 easting, northing, height of the vehicle frame's origin.
-        quaternion: (n, 4) float64 (w, x, y, z), vehicle to map.
+    Its origin is (n, 3) easting, northing, height; quaternions (n, 4) (w, x, y, z) lead from vehicle to map.
     """
 
     xyz_m: FloatArray
@@ -209,13 +207,8 @@ def same_hemisphere(quaternion: FloatArray) -> FloatArray:
 class ScanPoses:
     """Pose of the vehicle frame at the middle of each scan that has one, in the order of time.
 
-    Scans without a pose are not included: all positions and attitudes are finite.
-
-    Attributes:
-        scan: (n,) int64 index of the scan in its recording, strictly increasing.
-        points: (n,) int64 number of points of the scan in the cloud; 0 if it was not placed.
-
-    The others are as in :class:`Trajectory`, of the middle of the scan.
+    Scans without a pose are not included: all positions and attitudes are finite. `scan` (n,) is the index of the scan
+    in its recording, `points` (n,) the number of its points in the cloud. The others are as in :class:`Trajectory`.
     """
 
     scan: NDArray[np.int64]

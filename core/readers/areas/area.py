@@ -57,11 +57,7 @@ class Area:
 
 
 def read_area(path: Path, target: CRS) -> Area:
-    """The polygons of a file (:func:`.polygons_on_map`) as an area, in the projected CRS of a map.
-
-    Raises:
-        InputError: if the file cannot be read, has no polygon or an invalid one, or one outside the domain of `target`.
-    """
+    """The polygons of a file as an area in the projected CRS of a map; errors as :func:`.polygons_on_map`."""
     found = polygons_on_map(
         path, target, lambda why: InputError("within-unreadable", path=path, why=why, formats=VECTOR_FORMATS)
     )

@@ -76,8 +76,7 @@ def _corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygon
 def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
     """The polygons of a file; coordinates in another CRS than the map's are projected, no datum is changed.
 
-    Raises:
-        InputError: if the file cannot be read, has no polygon, or its coordinates lie outside the domain of `target`.
+    InputError if the file cannot be read, has no polygon, or its coordinates lie outside the domain of `target`.
     """
     table = _is_corner_table(path)
     polygons = _corner_polygons(path, target, unreadable) if table else read_polygons(path, unreadable)
@@ -98,12 +97,8 @@ def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons
 def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) -> NDArray[Any]:
     """Geometries (n,) of one CRS in another, both horizontal or the horizontal part of a compound one.
 
-    Args:
-        what: where they are from, to begin the message of an error.
-
-    Raises:
-        InputError: if one of the CRS is on a historical datum and the other is not, or a geometry lies outside the
-            domain of the map.
+    InputError, which names `what`, if one of the CRS is on a historical datum and the other is not, or a geometry lies
+    outside the domain of the map.
     """
     given = np.array(shapes, object)
     flat, source = horizontal_part(target), horizontal_part(source)

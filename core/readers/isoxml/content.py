@@ -39,11 +39,9 @@ class Partfield:
 
 @dataclass(frozen=True)
 class DeviceElement:
-    """A part of a machine, `DET`.
+    """A part of a machine, `DET`, and the id of its parent; "" for the machine itself.
 
-    Attributes:
-        kind: 1 device, 2 function, 3 bin, 4 section, 5 unit, 6 connector, 7 navigation reference.
-        parent: id of the parent element; "" for the machine itself.
+    Kinds are 1 device, 2 function, 3 bin, 4 section, 5 unit, 6 connector, 7 navigation reference.
     """
 
     id: str
@@ -81,11 +79,7 @@ class TaskData:
 
 
 def read_content(files: TaskFiles) -> TaskData:
-    """The content of the main file and the external files that it refers to.
-
-    Raises:
-        InputError: if the main file is not task data. An external file that cannot be read is only a notice.
-    """
+    """The content of the main file and the external files that it refers to; InputError if that is not task data."""
     notices = list(files.notices)
     root = parse_xml(files.read(MAIN), files.named(MAIN))
     if root.tag != TASK_DATA_ROOT:

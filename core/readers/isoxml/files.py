@@ -46,8 +46,7 @@ class TaskFiles:
 def open_task_files(path: Path) -> TaskFiles:
     """The files next to the only TASKDATA.XML in a folder or archive; `path` may also be that file.
 
-    Raises:
-        InputError: if there is none or more than one, or the archive is damaged or hostile.
+    InputError if there is none or more than one, or the archive is damaged or hostile.
     """
     if not path.is_dir() and path.name.upper() != MAIN:
         return _open_archive(path)

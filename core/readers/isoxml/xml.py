@@ -34,9 +34,8 @@ class Element:
 def parse_xml(data: bytes, name: str) -> Element:
     """The root element of an XML document.
 
-    Raises:
-        InputError: if it is not well-formed (with line and column), declares a document type, or has more elements or
-            levels than any task data.
+    InputError if it is not well-formed (with line and column), declares a document type, or has more elements or levels
+    than any task data.
     """
     document = Element("", {})
     path = [document]

@@ -205,12 +205,7 @@ class CopcIndex:
     chunks: NDArray[np.intp]
 
     def chunks_in(self, box: tuple[float, float, float, float] | None, resolution: float | None) -> NDArray[np.intp]:
-        """Indices (n,) of the chunks for a box and a resolution, in the order of the file.
-
-        Args:
-            box: minimum x, minimum y, maximum x, maximum y; None for all.
-            resolution: point spacing that is sufficient; None for all points.
-        """
+        """Indices (n,) of the chunks for a box (least x and y, greatest x and y) and a sufficient point spacing."""
         level = self.keys[:, 0]
         keep = np.ones(len(level), bool)
         if resolution is not None:
@@ -533,8 +528,7 @@ def _open_table(path: Path, table: PointTable, size_bytes: int) -> TableCloud:
 def open_cloud(path: Path) -> CloudFile:
     """Open a LAS, LAZ, COPC, PCD, PLY or E57 file and check everything that can be checked before its points are read.
 
-    Raises:
-        InputError: if there is no such file, or its points cannot be read.
+    InputError if there is no such file, or its points cannot be read.
     """
     if not path.is_file():
         raise InputError("no-such-file.open-cloud", path=path, is_path=bool(path.is_dir()))

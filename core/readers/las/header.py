@@ -201,8 +201,7 @@ class LasHeader:
 def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     """Read the header in the first bytes (375 or more, if the file has as many) of a LAS file.
 
-    Raises:
-        InputError: if it is not a LAS header, or is invalid.
+    InputError if it is none.
     """
     head = _checked_head(path, data, size_bytes)
     encoding, _, version, system, software, day, year, header_bytes, offset, records = head[2:12]

@@ -71,12 +71,7 @@ class LazPoints:
 
 
 def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence[LasRecord]) -> LazPoints:
-    """Check the compressed points of a file.
-
-    Raises:
-        InputError: if they cannot be found or decoded.
-        RefusedError: if they are implausibly many for the file.
-    """
+    """Check the compressed points of a file; InputError if they cannot be decoded, RefusedError if implausibly many."""
     stated = next((record for record in records if (record.user, record.number) == (LAZ_USER_ID, LAZ_RECORD_ID)), None)
     if stated is None or len(stated.data) < _LAZ_RECORD.size:
         raise InputError("laz-record", path=path)

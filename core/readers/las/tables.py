@@ -58,11 +58,7 @@ class PointTable:
     coding: str
 
     def batches(self, path: Path, points: int, batch_points: int) -> Iterator[CloudBatch]:
-        """The first points in the order of the file; those without coordinates (nan) are left out.
-
-        Raises:
-            InputError: if a line of text or compressed points are damaged.
-        """
+        """The first points in the order of the file, without those that are nan; InputError at damaged points."""
         with path.open("rb") as file:
             file.seek(self.offset)
             done = 0
@@ -202,8 +198,7 @@ def _colours(rows: NDArray[np.void]) -> NDArray[np.uint16] | None:
 def read_table(path: Path, data: bytes) -> PointTable | None:
     """The header in the first bytes (64 KiB) of a PCD or PLY file; None if it is of another format.
 
-    Raises:
-        InputError: if the header is damaged, or the points are not in rows.
+    InputError if the header is damaged, or the points are not in rows.
     """
     form = next((form for start, form in TABLE_SIGNATURES.items() if data.startswith(start)), None)
     if form is None:

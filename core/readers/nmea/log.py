@@ -79,11 +79,7 @@ class NmeaLog(PositionLog):
         return f"{_time_of_day(t_s)} (no date)"
 
     def attitude(self) -> AttitudeTrack:
-        """Roll, pitch and heading of PASHR in all files.
-
-        Raises:
-            InputError: as :meth:`track`, whose date they have; or if there are none, or their times do not increase.
-        """
+        """Roll, pitch and heading of PASHR in all files; InputError as :meth:`track`, or if there are none in order."""
         pashr = self._sentences(self.paths)[0].of_kind(Kind.PASHR)
         stated = np.asarray(np.isfinite(pashr.values[:, :4]).all(axis=1))
         pashr = pashr[stated]
@@ -168,7 +164,11 @@ def assemble(
     """
     notices: list[Notice] = []
     stated_s = None if date is None else midnight_utc_s(date)
-    sentences = _as_gga(sentences)
+    # GNS, or PUBX,00, in the place of GGA where only it has positions: their columns are the same.
+    kinds = (Kind.GGA, Kind.GNS, Kind.PUBX)
+    used = next((kind for kind in kinds if _has_position(sentences.of_kind(kind)).any()), Kind.GGA)
+    kept = sentences[~np.isin(sentences.kind, [kind for kind in kinds if kind is not used])]
+    sentences = replace(kept, kind=np.where(kept.kind == used, np.int8(Kind.GGA), kept.kind))
     all_gga = sentences.of_kind(Kind.GGA)
     of_talker = {t: int(np.sum(all_gga.talker[_has_position(all_gga)] == t)) for t in np.unique(all_gga.talker)}
     facts = {"positions_by_talker": {t.decode("ascii"): count for t, count in of_talker.items() if count}}
@@ -198,14 +198,6 @@ def assemble(
         stated = bool(np.isfinite(positions.column(Kind.GGA, "altitude_m")).any())
         notices.append(Notice("no-ellipsoidal-height", name=name, is_altitude=stated))
     return replace(found, facts=facts, notices=tuple(notices))
-
-
-def _as_gga(sentences: Sentences) -> Sentences:
-    """GNS, or PUBX,00, in the place of GGA where only it has positions: their columns are the same."""
-    kinds = (Kind.GGA, Kind.GNS, Kind.PUBX)
-    used = next((kind for kind in kinds if _has_position(sentences.of_kind(kind)).any()), Kind.GGA)
-    kept = sentences[~np.isin(sentences.kind, [kind for kind in kinds if kind is not used])]
-    return replace(kept, kind=np.where(kept.kind == used, np.int8(Kind.GGA), kept.kind))
 
 
 def _has_position(gga: Sentences) -> NDArray[np.bool_]:

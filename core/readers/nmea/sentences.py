@@ -132,9 +132,8 @@ def read_sentences(source: Source, counts: SentenceCounts) -> list[Sentences]:
 def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool = True) -> tuple[Sentences, int]:
     """The sentences in `data`, and the number of bytes that are done with.
 
-    Args:
-        counts: the counts; updated, except for `stream_bytes`.
-        last: whether the stream ends with this piece; else an unfinished sentence at its end is left for the next one.
+    `counts` are updated, but for `stream_bytes`. If the piece is not the last, an unfinished sentence at its end is
+    left for the next one.
     """
     room = data.count(b"$") + data.count(b"$PUBX,00,")
     kind = np.empty(room, np.int8)

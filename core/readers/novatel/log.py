@@ -181,8 +181,7 @@ def scan_bytes(
 ) -> tuple[dict[str, Messages], int]:
     """The messages of :data:`LAYOUTS` in `data`, and the number of bytes that are done with.
 
-    Args:
-        last: whether the stream ends with this piece; else an unfinished message at its end is left for the next one.
+    If the piece is not the last, an unfinished message at its end is left for the next one.
     """
     found: dict[str, _Found] = defaultdict(lambda: _Found([], []))
     spans, at, used = [0], 0, len(data)

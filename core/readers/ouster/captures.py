@@ -214,10 +214,8 @@ class OusterPcap(OusterReader):
 
     Opening it reads the first seconds to find the sensors, those with most packets first, and what sets their clocks.
     Options choose among several: `model` by product line or serial number, `source` by serial number, address or port.
-
-    Raises:
-        InputError: on opening, if a file is not a capture, or has no Ouster packets; if the metadata of their sensor
-            are missing or damaged; on reading, if there are several sensors and none is chosen.
+    InputError on opening, if a file is not a capture, or has no Ouster packets; if the metadata of their sensor are
+    missing or damaged; on reading, if there are several sensors and none is chosen.
     """
 
     format: ClassVar[str] = "ouster-pcap"

@@ -254,10 +254,9 @@ class Metadata:
 
     @classmethod
     def parse(cls, text: str, name: str) -> Metadata | None:
-        """What a JSON text says; None if it is not metadata of an Ouster sensor.
+        """What a JSON text says.
 
-        Raises:
-            ValueError: if it is, and angles are missing or implausible.
+        None if it is not an Ouster's metadata; ValueError if angles are missing or implausible.
         """
         try:
             said = json.loads(text)

@@ -96,12 +96,7 @@ class _FlatTable(NamedTuple):
 
 @dataclass(frozen=True)
 class _Stream:
-    """The scans of one sensor in a file.
-
-    Attributes:
-        number: of the stream, in its messages.
-        shifts: (n,) columns by which the rows of its PNG images are shifted against the beams'.
-    """
+    """The scans of one sensor in a file; rows of its PNG images are shifted against the beams' by columns (n,)."""
 
     number: int
     metadata: Metadata
@@ -111,11 +106,8 @@ class _Stream:
 class OusterOsf(OusterReader):
     """Scans in files of Ouster's SDK.
 
-    `model` of the options chooses among several sensors by product line or serial number.
-
-    Raises:
-        InputError: on opening, if a file is damaged, was never closed or has no scans; on reading, if there are
-            several sensors and none is chosen.
+    `model` of the options chooses among several sensors by product line or serial number. InputError on opening, if a
+    file is damaged, was never closed or has no scans; on reading, if there are several sensors and none is chosen.
     """
 
     format: ClassVar[str] = "ouster-osf"

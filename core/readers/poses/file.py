@@ -53,11 +53,7 @@ class RawPoses:
         return self._in_order(utc_of(self.seconds, self.scale, self.name, options), notices)
 
     def facts(self, options: ReadOptions, notices: list[Notice]) -> tuple[dict[str, Any], tuple[ClockReading, ...]]:
-        """Facts and clock for an inspection; an unknown week is only a notice.
-
-        Raises:
-            InputError: as :meth:`track`, but for an unknown week.
-        """
+        """Facts and clock for an inspection; an unknown week is only a notice; InputError as :meth:`track`."""
         try:
             track = self.track(options, notices)
         except InputError as error:
@@ -120,11 +116,7 @@ class PoseFile(FileReader, ABC):
         """The poses of a file; damage to it is added to `notices`."""
 
     def poses(self) -> PoseTrack:
-        """All poses of all files.
-
-        Raises:
-            InputError: if a file cannot be read, the week is unknown, or the poses are out of order.
-        """
+        """All poses of all files; InputError if one cannot be read, the week is unknown, or they are out of order."""
         self.notices = []
         return joined([self._read(path) for path in self.paths]).track(self.options, self.notices)
 
@@ -136,11 +128,7 @@ class PoseFile(FileReader, ABC):
 
 
 def joined(parts: list[RawPoses]) -> RawPoses:
-    """The poses of several files, one after the other.
-
-    Raises:
-        InputError: if their time scales, coordinates or north references differ.
-    """
+    """The poses of several files; InputError if their time scales, coordinates or north references differ."""
     first = parts[0]
     for part in parts[1:]:
         if (part.scale, part.projected, part.true_north) != (first.scale, first.projected, first.true_north):

@@ -63,12 +63,7 @@ _COMPRESSED_TOPIC: Final = re.compile(r"/compressed$")
 
 
 class ImageLog:
-    """Images collected from the messages of one topic.
-
-    Args:
-        every_s: images nearer than this to the one before are left out.
-        kept: whether their bytes are kept, too.
-    """
+    """Images collected from the messages of one topic, those nearer than `every_s` to the one before left out."""
 
     def __init__(self, every_s: float, *, kept: bool) -> None:
         self._every_s, self._kept = every_s, kept
@@ -128,17 +123,10 @@ class ImageLog:
         return Images.sorted(stored, np.array([stamp for stamp, _ in self._times], np.float64))
 
 
-def info_topic(topic: str, infos: Sequence[str]) -> str | None:
-    """The topic of a camera's CameraInfo: beside its images (image_transport), else the only one; None without."""
-    beside = f"{_COMPRESSED_TOPIC.sub('', topic).rpartition('/')[0]}/camera_info"
-    return beside if beside in infos else infos[0] if len(infos) == 1 else None
-
-
 def camera_of_info(content: Any, topic: str) -> Camera:
     """The camera of a CameraInfo message: K and D, or P for a topic of rectified images.
 
-    Raises:
-        ValueError: if the message is of a camera that is not calibrated or not supported.
+    ValueError if the message is of a camera that is not calibrated or not supported.
     """
     k, d, p = (np.asarray(getattr(content, n, getattr(content, n.upper(), None)), np.float64).ravel() for n in "kdp")
     if max(content.binning_x, content.binning_y) > 1 or content.roi.x_offset or content.roi.y_offset:
@@ -189,12 +177,7 @@ class _PacketMessages(ABC):
 
 
 class PacketScans(_PacketMessages):
-    """Packets of spinning scanners.
-
-    Args:
-        path: the bag, beside which a calibration may be.
-        options: `model` and `near_s` are used.
-    """
+    """Packets of spinning scanners in a bag, beside which a calibration may be; options are `model` and `near_s`."""
 
     def __init__(self, source: str, path: Path, kind: str, options: ReadOptions) -> None:
         super().__init__()
@@ -327,10 +310,9 @@ class BagFiles:
         return (sum(self._sizes[: self._behind]) + now) / max(sum(self._sizes), 1)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """The messages (of some topics) of all files, each file's in the order of recording.
+        """The messages (of some topics) of all files, each file's in order.
 
-        Raises:
-            InputError: if the only file cannot be read.
+        InputError if the only file cannot be read.
         """
         total = 0
         for behind, file in enumerate(self._files):
@@ -471,7 +453,10 @@ class _RosBag(FileReader):
     def camera(self) -> Camera:
         """The camera of these images by its CameraInfo messages."""
         chosen = self._choose("images", ros.IMAGE, ros.COMPRESSED_IMAGE, wanted=self.options.topic)
-        name = info_topic(chosen.name, [topic.name for topic in self._found() if topic.type == ros.CAMERA_INFO])
+        infos = [topic.name for topic in self._found() if topic.type == ros.CAMERA_INFO]
+        # Beside the images (image_transport), else the only one.
+        beside = f"{_COMPRESSED_TOPIC.sub('', chosen.name).rpartition('/')[0]}/camera_info"
+        name = beside if beside in infos else infos[0] if len(infos) == 1 else None
         why = "no CameraInfo messages"
         if name is not None:
             info = self._choose("the camera's intrinsics", ros.CAMERA_INFO, wanted=name)

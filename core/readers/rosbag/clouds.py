@@ -41,10 +41,9 @@ class LineScans:
         self._last_s = -np.inf
 
     def push(self, content: Any, message: BagMessage) -> list[Scan]:
-        """The scan in a message; none if it has no return, or is not later than the one before.
+        """The scan in a message; none without a return, or not later than the one before.
 
-        Raises:
-            Damage: if its angles or times are impossible.
+        Damage if it is impossible.
         """
         ranges = np.asarray(content.ranges, np.float64)
         n = len(ranges)
@@ -152,10 +151,9 @@ class CloudScans:
         self._last_s = -np.inf
 
     def push(self, content: Any, message: BagMessage) -> list[Scan]:
-        """The scan in a message; none if it has no return, or is not later than the one before.
+        """The scan in a message; none without a return, or not later than the one before.
 
-        Raises:
-            Damage: if the fields and the data of the message do not match.
+        Damage if fields do not match.
         """
         points = _points(content)
         names = points.dtype.names or ()

@@ -240,10 +240,9 @@ _DEFINITIONS: Final = {
 
 
 def deserialize(message: BagMessage) -> Any:
-    """The message as `rosbags` deserialises it: an object with the fields of its definition.
+    """The message as `rosbags` deserialises it, with the fields of its definition.
 
-    Raises:
-        Damage: if the bytes are not a message of this type.
+    Damage if it is none of this type.
     """
     if message.encoding not in ("ros1", "cdr"):
         raise Damage(f"unsupported encoding {message.encoding!r}")
@@ -352,11 +351,7 @@ class SentenceLog:
         self._received_s.append(message.received_ns * 1e-9)
 
     def positions(self, source: str, date: str | None) -> LoggedPositions:
-        """The positions of the receiver; see :func:`~furrowmap.core.readers.nmea.log.assemble`.
-
-        Raises:
-            InputError: if `date` is not a date.
-        """
+        """The positions of the receiver; see :func:`~furrowmap.core.readers.nmea.log.assemble`, also for errors."""
 
         def place(at: int) -> str:
             return f"{source}, message {self._message(np.array([at]))[0]}"

@@ -79,8 +79,7 @@ class BagStorage(ABC):
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """The messages (of some topics) in the order of recording, up to the end or to damage.
 
-        Raises:
-            InputError: if the file is encrypted, or of a version that is not supported.
+        InputError if the file is encrypted, or of a version that is not supported.
         """
 
     def _note(self, key: str, **values: object) -> None:

@@ -61,12 +61,7 @@ class PosForm(Enum):
 
 @dataclass
 class PosHeader:
-    """The header of a file, from its comments.
-
-    Attributes:
-        time: "GPST", "UTC", "JST"; "" if it is not stated.
-        geodetic_height: whether heights are above the geoid.
-    """
+    """The header of a file, from its comments: time is "GPST", "UTC", "JST", or "" if it is not stated."""
 
     form: PosForm = PosForm.DEGREES
     time: str = ""

@@ -32,10 +32,9 @@ class AngleTable:
 
     @classmethod
     def parsed(cls, path: Path) -> Self | None:
-        """The angles in a file; None if it is no calibration.
+        """The angles in a file.
 
-        Raises:
-            InputError: if the file is one, but has damaged, missing or repeated channels.
+        None if it is no calibration; InputError if channels are damaged, missing or repeated.
         """
         if path.stat().st_size > _LARGEST_BYTES:
             return None
@@ -57,8 +56,7 @@ class AngleTable:
     def beside(cls, paths: Sequence[Path]) -> Self | None:
         """The calibration in the folder of a recording, or in the folder that is a recording; None if there is none.
 
-        Raises:
-            InputError: if there are several, or it is damaged.
+        InputError if there are several, or it is damaged.
         """
         folder = paths[0] if paths[0].is_dir() else paths[0].parent
         found = [table for path in sorted(folder.glob("*.[cC][sS][vV]")) if (table := cls.parsed(path)) is not None]

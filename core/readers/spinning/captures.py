@@ -200,12 +200,9 @@ class SpinningPcap(FileReader):
     position packets but the sensor has no GPS lock yet, it reads up to the lock, so that scans before it have the
     correct time too. Angles come from a calibration file beside the capture, if the maker has such.
 
-    `source` of the options chooses among several sensors by their address or UDP port.
-
-    Raises:
-        InputError: on opening, if a file is not a capture, or has no packets of the maker or of the sensor chosen, or
-            the calibration beside it is damaged; on reading, if the model is not supported, or there are several
-            sensors and none is chosen.
+    `source` of the options chooses among several sensors by their address or UDP port. InputError on opening, if a file
+    is not a capture, or has no packets of the maker or of the sensor chosen, or the calibration beside it is damaged;
+    on reading, if the model is not supported, or there are several sensors and none is chosen.
     """
 
     maker: ClassVar[Maker]

@@ -180,11 +180,9 @@ class SensorClock:
 def settle(
     device_us: NDArray[np.uint32], host_s: FloatArray, positions: list[PositionPacket], near_s: float | None = None
 ) -> tuple[SensorClock, list[Notice]]:
-    """Determine the origin of the sensor's stamps, and what is unusual about it.
+    """Determine the origin of the sensor's stamps (m,), those of the first packets, and what is unusual about it.
 
-    Args:
-        device_us: (m,) stamps of the first data packets, m > 0; more of them reduce the recorder's jitter.
-        near_s: a time near the recording, for recorders without a clock.
+    More of them reduce the recorder's jitter; `near_s` is a time near the recording, for recorders without a clock.
     """
     near = float(np.median(host_s))
     if near_s is not None and near < _FIRST_PLAUSIBLE_S:

@@ -109,11 +109,7 @@ def _layout_at(data: bytes, at: int) -> _BinaryLayout | None:
 
 @dataclass
 class BinaryMessages:
-    """Messages that were found, and what was not one.
-
-    Attributes:
-        found: bytes of all messages of a header, one after another.
-    """
+    """Messages that were found, those of a header one after another, and what was not one."""
 
     layouts: dict[bytes, _BinaryLayout] = field(default_factory=dict)
     found: dict[bytes, bytearray] = field(default_factory=dict)
