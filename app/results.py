@@ -259,7 +259,7 @@ def read_raster(path: Path) -> Any:
     import pyproj
 
     from furrowmap.core.readers.geotiff import open_geotiff
-    from furrowmap.core.runtime.limits import expect_memory
+    from furrowmap.core.runtime.memory import expect_memory
 
     with open_geotiff(path, _no_raster, with_heights=False) as source:
         if source.crs is None:

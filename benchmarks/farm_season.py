@@ -28,8 +28,7 @@ from rasterio.features import rasterize
 import furrowmap
 from benchmarks.worked_hectare import CORNER_M, DRIVE, NOISE, TOOL, driven
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path
-from furrowmap.core.simulator.path import plan_path
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path, plan_path
 from furrowmap.core.simulator.soil import find_sweeps
 from furrowmap.core.simulator.truth import swept
 from furrowmap.core.values.clock import iso_utc

@@ -12,7 +12,7 @@ from time import process_time
 
 import numpy as np
 
-from furrowmap.core.readers.isoxml.files import open_task_files
+from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.tasks import read_tasks
 from furrowmap.core.work.task_work import task_works
 

@@ -25,8 +25,7 @@ from scipy.spatial.transform import Rotation
 
 import furrowmap
 from furrowmap.core.runtime.errors import FurrowmapError
-from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.simulator.scenario_file import as_toml
+from furrowmap.core.simulator.scenario import Scenario, as_toml
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.simulator.simulate_flight import lay_out_flight
 

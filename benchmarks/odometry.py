@@ -36,8 +36,7 @@ from furrowmap.core.pointclouds.placed import Placer
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import GivesTrack, ReadOptions
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.simulator.scenario_file import demo_scenario, scenario_from
+from furrowmap.core.simulator.scenario import Scenario, demo_scenario, scenario_from
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses

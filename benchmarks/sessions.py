@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from trajectory_error import SIGMAS, Errors, Period, judge, load_simulation, load_trajectory, rms
 
+from furrowmap.core.simulator.drive import plan_path
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.path import plan_path
-from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.simulator.scenario_file import as_toml
+from furrowmap.core.simulator.scenario import Scenario, as_toml
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.simulator.site import lay_out
 

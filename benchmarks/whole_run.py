@@ -29,7 +29,7 @@ import velodyne_decoder
 
 from furrowmap.core.pointclouds.placed import Placer, place_scans
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.simulator.scenario_file import scenario_from
+from furrowmap.core.simulator.scenario import scenario_from
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.located import locate
 

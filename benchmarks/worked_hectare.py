@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path
-from furrowmap.core.simulator.path import plan_path
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path, plan_path
 from furrowmap.core.simulator.scenario import ScenarioDrive, ScenarioImplement
 from furrowmap.core.simulator.soil import find_sweeps
 from furrowmap.core.simulator.truth import swept

@@ -99,16 +99,16 @@ BOUNDARIES = {
     "pmtiles": ["workflows.live.background"],
     "zipfile": [
         "workflows.share.qgis_plugin",  # writes alone
-        "core.readers.isoxml.files",
+        "core.readers.isoxml.content",
         "core.readers.text_table",
         "core.readers.text_table",
         "core.runtime.npz",
     ],
     "PIL": ["core.readers.exif"],
     "xml": ["core.readers.isoxml.xml"],
-    "pyogrio": ["core.readers.vector_layer", "cli.main"],  # the latter: its version
+    "pyogrio": ["core.readers.vector_file", "cli.main"],  # the latter: its version
     "jgdtrans": ["core.geodesy.projection"],
-    "japan_geoid": ["core.geodesy.height_system"],
+    "japan_geoid": ["core.geodesy.projection"],
     "rasterio": [
         *("core.readers.geotiff", "core.readers.las.cloud", "core.readers.ouster.osf"),
         "core.checking.surface_at_points",

@@ -10,7 +10,7 @@ import pytest
 import furrowmap
 from furrowmap.core.readers.poses.sbet import Sbet
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.simulator.scenario_file import scenario_from
+from furrowmap.core.simulator.scenario import scenario_from
 from furrowmap.core.simulator.simulate import simulate
 
 FLIGHT = """

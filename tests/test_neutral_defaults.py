@@ -51,9 +51,9 @@ FACTORS: Final = {
     "core/pipeline/pipeline.py placer_of(scale)": 1.0,
     "core/crops/measure.py measure_parcels(scale)": 1.0,
     "core/crops/parcels.py plot_grid(scale)": 1.0,
-    "core/simulator/path.py _straight(gear)": 1,  # forward
-    "core/simulator/path.py _arc(gear)": 1,
-    "core/simulator/path.py _turn.arc(gear)": 1,
+    "core/simulator/drive.py _straight(gear)": 1,  # forward
+    "core/simulator/drive.py _arc(gear)": 1,
+    "core/simulator/drive.py _turn.arc(gear)": 1,
     "core/geodesy/projection.py ParameterFile.from_map": True,
     "core/values/margins.py margin(factor)": 1.0,
     "core/values/margins.py with_margin(factor)": 1.0,

@@ -17,10 +17,9 @@ from furrowmap.core.estimation.vehicle import SLIP, SLIP_EVERY_S, AxleSteps
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.core.values.rotation import Mounting
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scan import Scan, named_offset
 from furrowmap.core.values.trajectory import Trajectory
 
 SLIP_OVER_S: Final = 0.5

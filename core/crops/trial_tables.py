@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from furrowmap.core.crops.parcels import BLOCK_COLUMNS, list_names
-from furrowmap.core.readers.areas.polygon_file import IDS
+from furrowmap.core.readers.areas.area import IDS
 from furrowmap.core.readers.text_table import read_sheet
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError

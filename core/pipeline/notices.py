@@ -10,9 +10,8 @@ from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.clock_readings import ClockReading, likely_offset
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading, likely_offset
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import ScanPoses, Trajectory
 

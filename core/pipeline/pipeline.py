@@ -45,10 +45,9 @@ from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar, middle_s
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.rotation import Mounting
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scan import ClockReading, Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within
 from furrowmap.core.values.tool_states import ToolStates

@@ -20,7 +20,7 @@ from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.straight_passes import Strip
-from furrowmap.core.values.clock_readings import ClockReading
+from furrowmap.core.values.scan import ClockReading
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.field_work import FieldWork

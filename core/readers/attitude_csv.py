@@ -14,9 +14,8 @@ from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.pose_track import GRID_NORTH, MAGNETIC_NORTH, TRUE_NORTH, UNSTATED_NORTH, AttitudeTrack
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading
 
 LEVEL_COLUMNS: Final = ("roll_deg", "pitch_deg")
 NORTHS: Final = {

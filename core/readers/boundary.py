@@ -13,8 +13,7 @@ from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.agopengps import is_field_folder, read_outline
-from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, read_content
-from furrowmap.core.readers.isoxml.files import is_task_data, open_task_files
+from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, is_task_data, open_task_files, read_content
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m

@@ -11,7 +11,7 @@ import numpy as np
 from pyproj.exceptions import CRSError, ProjError
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.limits import expect_memory
+from furrowmap.core.runtime.memory import expect_memory
 
 HEIGHT_BAND_NAME: Final = "height"
 """Name of the first band of furrowmap's surfaces, and of none of its other rasters."""

@@ -16,9 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, count_foreign, scan_stream
-from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
+from furrowmap.core.readers.position_log import (
+    MIN_INTACT_SHARE,
+    LoggedPositions,
+    PositionLog,
+    byte_place,
+    dated_positions,
+    log_facts,
+)
 from furrowmap.core.readers.reader import recording_name
-from furrowmap.core.readers.receiver_log import MIN_INTACT_SHARE, dated_positions, log_facts
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError

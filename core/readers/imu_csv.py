@@ -23,10 +23,9 @@ from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
 from furrowmap.core.values.pose_track import AttitudeTrack
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading
 
 _LIMITS: Final = {"gyro": MAX_RATE_RADPS, "force": MAX_FORCE_MPS2}
 _RATES: Final = {"dps": np.pi / 180.0, "deg_s": np.pi / 180.0, "radps": 1.0, "rad_s": 1.0}

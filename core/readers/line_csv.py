@@ -18,8 +18,7 @@ from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.clock_readings import ClockReading
-from furrowmap.core.values.scan import Clock, Scan
+from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
 MAX_RANGE_M: Final = 2000.0
 """No scanner on a machine sees as far; farther ranges are damaged or not metres."""

@@ -21,12 +21,11 @@ from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.foreign_content import SIGNATURES
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import AttitudeTrack, PoseTrack
-from furrowmap.core.values.scan import Clock, Scan
+from furrowmap.core.values.scan import Clock, ClockReading, Scan
 from furrowmap.core.values.tool_states import ToolStates
 
 GROUP = "furrowmap.readers"

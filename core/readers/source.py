@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.limits import expect_growth
+from furrowmap.core.runtime.memory import expect_growth
 
 if sys.version_info >= (3, 14):
     from compression import zstd

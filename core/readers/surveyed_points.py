@@ -12,11 +12,9 @@ import pyproj
 import shapely
 
 from furrowmap.core.geodesy.crs_change import crs_change
-from furrowmap.core.readers.areas.area import nothing_within, read_area
-from furrowmap.core.readers.areas.polygon_file import horizontal_part
+from furrowmap.core.readers.areas.area import horizontal_part, nothing_within, read_area
 from furrowmap.core.readers.text_table import TextTable, read_table
-from furrowmap.core.readers.vector_file import named_by_content
-from furrowmap.core.readers.vector_layer import read_vector_layer
+from furrowmap.core.readers.vector_file import named_by_content, read_vector_layer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 

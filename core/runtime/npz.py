@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.limits import expect_growth, expect_memory
+from furrowmap.core.runtime.memory import expect_growth, expect_memory
 
 MAX_ARRAYS: Final = 1000
 

@@ -24,8 +24,7 @@ from furrowmap.core.readers.reader import (
 )
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc
-from furrowmap.core.values.clock_readings import ClockReading, likely_offset, overlap_s
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading, likely_offset, overlap_s
 
 _POSSIBLE: Final = 0.5
 """Certainty of a reader that takes any capture, to say what is in it."""

@@ -33,10 +33,9 @@ from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.camera import camera_of, camera_table, images_of, mounted
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.parcel import SOIL_METHODS
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scan import ClockReading, Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import WHOLE_SPAN, Span, scans_within
 

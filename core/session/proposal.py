@@ -35,9 +35,9 @@ from furrowmap.core.session.machine import stated, toml_value
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.session.trial_files import NO_TRIAL, ImageTable, TrialFiles
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.machine import NOT_SHOWN_DEG, Machine
 from furrowmap.core.values.margins import margin
+from furrowmap.core.values.scan import ClockReading
 from furrowmap.core.values.session import SESSION_SCHEMA
 
 _ON_WHEELS: Final = "on the ground below the middle of the rear axle"

@@ -8,9 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.readers.areas.polygon_file import IDS
-from furrowmap.core.readers.exif import image_size
-from furrowmap.core.readers.image_table import is_image_table, read_image_table
+from furrowmap.core.readers.areas.area import IDS
+from furrowmap.core.readers.exif import image_size, is_image_table, read_image_table
 from furrowmap.core.readers.text_table import read_sheet
 from furrowmap.core.readers.vector_file import read_polygons
 from furrowmap.core.runtime.errors import FurrowmapError, InputError

@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.simulator.drive import drive_front, drive_path
+from furrowmap.core.simulator.drive import drive_front, drive_path, plan_path
 from furrowmap.core.simulator.gnss import receivers, report, sentences
 from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.recording import World, record, recording_file, second_file
-from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
-from furrowmap.core.simulator.scenario_file import as_toml
+from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement, as_toml
 from furrowmap.core.simulator.simulate_flight import Written, moving, session_head, write_flight, write_sensors
 from furrowmap.core.simulator.site import SimulatedSite, find_site, lay_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground

@@ -12,8 +12,8 @@ import msgspec
 import numpy as np
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.simulator.drive import DrivenPath
 from furrowmap.core.simulator.noise import FloatArray
-from furrowmap.core.simulator.path import DrivenPath
 from furrowmap.core.simulator.scenario import Scenario, ScenarioField
 
 if TYPE_CHECKING:

@@ -16,9 +16,8 @@ import scipy.fft
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path, plan_path
 from furrowmap.core.simulator.noise import Float32Array, FloatArray, random_for
-from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import EarlierDrive, Scenario, ScenarioSoil
 from furrowmap.core.simulator.site import CELL_M
 

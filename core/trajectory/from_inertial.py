@@ -34,7 +34,7 @@ from furrowmap.core.estimation.knots import (
     normal_equations,
 )
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.readers.implausible_positions import spans_in_words
+from furrowmap.core.readers.facts import spans_in_words
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import CONTRADICTION, InputError, Notice
@@ -64,10 +64,10 @@ from furrowmap.core.trajectory.inertial_start import (
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.trajectory.positions import climb_notices, positions_without_steps, quality_words, usable
-from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.margins import margin
 from furrowmap.core.values.rotation import quaternion_to_matrix
+from furrowmap.core.values.scan import named_offset
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere, source_columns
 
 NODE_S: Final = 1.0

@@ -12,8 +12,7 @@ from furrowmap.core.readers.reader import GivesStates, ReadOptions, open_recordi
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.clock_readings import ClockReading, likely_offset
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading, likely_offset
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Trajectory

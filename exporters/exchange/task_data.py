@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from pyproj import CRS, Geod
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.readers.isoxml.files import MAIN
+from furrowmap.core.readers.isoxml.content import MAIN
 from furrowmap.core.readers.isoxml.tasks import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
 from furrowmap.core.readers.isoxml.time_log import EPOCH_S
-from furrowmap.core.readers.vector_layer import VectorLayer
+from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.values.gnss import Fix

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 import shapely
 
-from furrowmap.core.readers.vector_layer import VectorLayer, read_vector_layer
+from furrowmap.core.readers.vector_file import VectorLayer, read_vector_layer
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.runtime.file_names import inside
 from furrowmap.exporters.files.provenance import Origin

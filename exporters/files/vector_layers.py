@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.readers.vector_layer import VectorLayer
+from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.files.ogr import pyogrio
 

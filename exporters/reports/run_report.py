@@ -23,9 +23,8 @@ from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.trajectory.motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.images import CONTRADICTING
-from furrowmap.core.values.scan import PointClass
+from furrowmap.core.values.scan import PointClass, named_offset
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMA_NAMES
 from furrowmap.core.work.external_states import NEAR_S

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from furrowmap.core.geodesy.local_time import clock_words, local_time
-from furrowmap.core.readers.vector_layer import VectorLayer
+from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import printable
 from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style

@@ -16,7 +16,7 @@ from pyproj import CRS, Transformer
 from furrowmap.core.crops.growth import GrownParcel, Growth
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.crops.stand import PERCENTILES, Stand
-from furrowmap.core.readers.vector_layer import VectorLayer
+from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output

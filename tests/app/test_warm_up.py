@@ -18,7 +18,7 @@ CODE = """
 import sys
 from pathlib import Path
 from numba.core import event
-from furrowmap.core.readers.isoxml.files import open_task_files
+from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.tasks import read_tasks
 with event.install_recorder("numba:compile") as recorder:
     read_tasks(open_task_files(Path(sys.argv[1])))

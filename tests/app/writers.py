@@ -20,7 +20,7 @@ import pyproj
 import rasterio
 
 import furrowmap
-from furrowmap.core.simulator.scenario_file import demo_scenario
+from furrowmap.core.simulator.scenario import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.mosaic import write_mosaic

@@ -30,7 +30,7 @@ from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.exif import expect_pillow
 from furrowmap.core.readers.text_table import MAX_SHEET_BYTES, read_sheet
-from furrowmap.core.readers.vector_layer import VectorLayer
+from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.runtime.options import Option
 from furrowmap.core.session.file import parse_session
@@ -100,7 +100,7 @@ def test_archives__without_one_layer(
 
 
 def test_archives__that_unpack_to_far_more_than_their_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("furrowmap.core.runtime.limits.FREE_BYTES", 1000)
+    monkeypatch.setattr("furrowmap.core.runtime.memory.FREE_BYTES", 1000)
     with pytest.raises(RefusedError) as refused:
         read_area(zipped(tmp_path / "area.zip", {"a.shp": bytes(3_000_000)}), MAP)
     assert "--allow-large" in refused.value.remedy

@@ -39,7 +39,7 @@ from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.ubx.log import UbxLog
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.file import parse_session
-from furrowmap.core.simulator.scenario_file import demo_scenario, load_scenario
+from furrowmap.core.simulator.scenario import demo_scenario, load_scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.surfaces.ground import classify_ground
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss

@@ -17,10 +17,9 @@ from pyproj import CRS
 from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.geodesy import projection
 from furrowmap.core.geodesy.crs_change import crs_of
-from furrowmap.core.geodesy.height_system import height_system
-from furrowmap.core.geodesy.projection import read_parameters
+from furrowmap.core.geodesy.projection import height_system, read_parameters
 from furrowmap.core.readers import boundary, reader, states_csv, surveyed_points, vector_file
-from furrowmap.core.readers.isoxml import files, time_log
+from furrowmap.core.readers.isoxml import content, time_log
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.poses.file import RawPoses
 from furrowmap.core.readers.reader import GROUP, ReadOptions, readers
@@ -151,14 +150,14 @@ def test_task_data__of_too_many_or_too_large_files(tmp_path: Path, monkeypatch: 
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         for name in ("TASKDATA.XML", "a", "b", "c"):
             archive.writestr(name, "<ISO11783_TaskData/>")
-    monkeypatch.setattr(files, "MAX_ARCHIVE_FILES", 3)
+    monkeypatch.setattr(content, "MAX_ARCHIVE_FILES", 3)
     with pytest.raises(FurrowmapError, match="it has 4 files"):
-        files.open_task_files(tmp_path / "a.zip")
+        content.open_task_files(tmp_path / "a.zip")
     (tmp_path / "TASKDATA.XML").write_text("<ISO11783_TaskData/>" + " " * 99)
-    assert files.is_task_data(tmp_path / "TASKDATA.XML")
-    monkeypatch.setattr(files, "MAX_FILE_BYTES", 60)
+    assert content.is_task_data(tmp_path / "TASKDATA.XML")
+    monkeypatch.setattr(content, "MAX_FILE_BYTES", 60)
     with refusal("task-data-unreadable", "more than any task data"):
-        files.open_task_files(tmp_path / "TASKDATA.XML").read("TASKDATA.XML")
+        content.open_task_files(tmp_path / "TASKDATA.XML").read("TASKDATA.XML")
 
 
 def test_farm_map__of_a_service_is_called_by_its_name_alone() -> None:
@@ -206,7 +205,7 @@ def test_time_log__of_more_values_than_can_be_numbered() -> None:
 def test_task_data__in_an_archive_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.zip").write_bytes(b"PK\x03\x04" + bytes(100))
     with refusal("task-data-unreadable", "a.zip: File is not a zip file"):
-        files.open_task_files(tmp_path / "a.zip")
+        content.open_task_files(tmp_path / "a.zip")
 
 
 def poses(lon: list[float], seconds: list[float] | None = None, scale: str = "unix") -> RawPoses:

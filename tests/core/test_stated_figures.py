@@ -13,7 +13,7 @@ from furrowmap.core.estimation.knots import KNOT_STEP_S, knots_over
 from furrowmap.core.matching.portions import windows
 from furrowmap.core.pointclouds import far_points
 from furrowmap.core.readers.rosbag import clouds
-from furrowmap.core.runtime import limits, settings
+from furrowmap.core.runtime import memory, settings
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.session.file import MAX_PLACE_M, parse_session
 from furrowmap.core.trajectory.positions import usable
@@ -85,15 +85,15 @@ def test_commands_page__threads_by_default(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_reliability_page__half_of_what_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stated("docs/reliability.md", "or takes more than half of the free memory or disk (`--allow-large`)")
-    free = 8 * limits.FREE_BYTES
-    monkeypatch.setattr(limits, "free_memory_bytes", lambda: free)
-    monkeypatch.setattr(limits.shutil, "disk_usage", lambda _: type("Usage", (), {"free": free}))
-    limits.expect_memory("x", free // 2)
-    limits.expect_disk("x", tmp_path, free // 2)
+    free = 8 * memory.FREE_BYTES
+    monkeypatch.setattr(memory, "free_memory_bytes", lambda: free)
+    monkeypatch.setattr(memory.shutil, "disk_usage", lambda _: type("Usage", (), {"free": free}))
+    memory.expect_memory("x", free // 2)
+    memory.expect_disk("x", tmp_path, free // 2)
     with pytest.raises(RefusedError, match="More than half of the free memory"):
-        limits.expect_memory("x", free // 2 + 1)
+        memory.expect_memory("x", free // 2 + 1)
     with pytest.raises(RefusedError, match="More than half of the free space"):
-        limits.expect_disk("x", tmp_path, free // 2 + 1)
+        memory.expect_disk("x", tmp_path, free // 2 + 1)
 
 
 def test_reliability_page__points_in_memory() -> None:

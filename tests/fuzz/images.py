@@ -8,8 +8,7 @@ from typing import Any, Final
 
 from PIL import Image
 
-from furrowmap.core.readers.exif import exif_images, image_size, read_pixels
-from furrowmap.core.readers.image_table import is_image_table, read_image_table
+from furrowmap.core.readers.exif import exif_images, image_size, is_image_table, read_image_table, read_pixels
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.workflows.live.background import open_background

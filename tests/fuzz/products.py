@@ -13,7 +13,7 @@ import shapely
 
 from furrowmap.cli.worker import _arguments
 from furrowmap.core.readers.surveyed_points import read_points
-from furrowmap.core.simulator.scenario_file import load_scenario
+from furrowmap.core.simulator.scenario import load_scenario
 from furrowmap.core.work.model import SideTemplate, SideViewGrid
 from furrowmap.core.work.near_scans import IMAGE_COLUMNS
 from furrowmap.core.work.saved import load_implement, save_implement

@@ -15,7 +15,7 @@ from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod, cloud_tiles
 from furrowmap.core.readers.las.cloud import Box
-from furrowmap.core.readers.vector_layer import VectorLayer
+from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress

@@ -10,7 +10,7 @@ from pyproj.exceptions import CRSError
 
 from furrowmap.core.crops.parcels import plot_grid
 from furrowmap.core.geodesy.projection import scale_at
-from furrowmap.core.readers.areas.polygon_file import placed
+from furrowmap.core.readers.areas.area import placed
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.parcel import Parcel, PlotGrid
 from furrowmap.exporters.files.atomic import refuse_existing

@@ -6,7 +6,7 @@ from pathlib import Path
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.simulator import simulate as simulator
-from furrowmap.core.simulator.scenario_file import PACKAGED, demo_scenario, load_scenario
+from furrowmap.core.simulator.scenario import PACKAGED, demo_scenario, load_scenario
 from furrowmap.exporters.files.atomic import name_failed_file
 from furrowmap.exporters.files.staging import recover, staged_folder
 

@@ -1,21 +1,137 @@
-"""An area of the map: the polygons of a file, and whether points lie in them."""
+"""Areas of the map: polygons of a vector file, and whether points lie in them.
+
+The polygons may be a table of corners, too (CSV: id, e_m, n_m or lon_deg, lat_deg).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import shapely
-from pyproj import CRS
+from numpy.typing import NDArray
+from pyproj import CRS, Transformer
+from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.readers.areas.polygon_file import polygons_on_map
 from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
-from furrowmap.core.readers.vector_file import VECTOR_FORMATS
+from furrowmap.core.readers.text_table import number_or_text, read_table
+from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, VECTOR_FORMATS, Polygons, Unreadable, read_polygons
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
+
+IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
+"""Accepted names of the column of identifiers, in any case."""
+_MAP_PAIRS: Final = (("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"))
+_DEGREE_PAIRS: Final = (("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"))
+
+
+def _is_corner_table(path: Path) -> bool:
+    """Whether a file is a text whose first line names columns of coordinates."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096).lstrip(b"\xef\xbb\xbf")
+    except OSError:
+        return False
+    first = head.split(b"\n")[0]
+    if b"\0" in head or first.lstrip()[:1] in (b"{", b"<", b"["):
+        return False
+    words = {
+        word.strip().strip('"').casefold()
+        for word in first.decode("latin-1").replace(";", ",").replace("\t", ",").split(",")
+    }
+    return any(x in words and y in words for x, y in (*_MAP_PAIRS, *_DEGREE_PAIRS))
+
+
+def _corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
+    """The polygons of the rows with the same identifier, in order, in the CRS of the map or its geographic base."""
+    size = path.stat().st_size
+    if size > MAX_VECTOR_BYTES:
+        raise unreadable(f"{size:,} bytes is too large for a table of corners")
+    table = read_table(path, unreadable)
+    names = next((pair for pair in (*_MAP_PAIRS, *_DEGREE_PAIRS) if set(pair) <= set(table.columns)), None)
+    column = table.find(IDS)
+    if names is None or column is None or not table.lines:
+        raise unreadable(f"no rows with an identifier and two coordinates (its columns: {table.names})")
+    xy = np.column_stack([table.numbers(name) for name in names])
+    for name in names:
+        fault = table.first_fault(name)
+        if fault is not None:
+            raise unreadable(f"line {fault[0]} holds {fault[1]!r} under {name}")
+    if not np.isfinite(xy).all():
+        row = int(np.flatnonzero(~np.isfinite(xy).all(axis=1))[0])
+        raise unreadable(f"line {table.lines[row]} has a coordinate that is empty or not finite")
+    rows: dict[str, list[int]] = {}
+    for k, name in enumerate(table.columns[column]):
+        rows.setdefault(name.strip(), []).append(k)
+    others = {key: cells for key, cells in table.columns.items() if key not in (column, *names)}
+    shapes, attributes = [], []
+    for name, members in rows.items():
+        if len(members) < 3:
+            raise unreadable(f"parcel {name!r} has {len(members)} corners, and a polygon has three or more")
+        shapes.append(shapely.Polygon(xy[members]))
+        attributes.append({column: name, **{key: number_or_text(cells[members[0]]) for key, cells in others.items()}})
+    crs = target if names in _MAP_PAIRS else target.geodetic_crs or target
+    return Polygons(tuple(shapes), tuple(attributes), crs, 0)
+
+
+def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
+    """The polygons of a file; coordinates in another CRS than the map's are projected, no datum is changed.
+
+    InputError if the file cannot be read, has no polygon, or its coordinates lie outside the domain of `target`.
+    """
+    table = _is_corner_table(path)
+    polygons = _corner_polygons(path, target, unreadable) if table else read_polygons(path, unreadable)
+    try:
+        # A polygon of one part instead of a multipolygon of one.
+        single = [
+            shape.geoms[0] if isinstance(shape, shapely.MultiPolygon) and len(shape.geoms) == 1 else shape
+            for shape in polygons.shapes
+        ]
+        shapes = placed(single, polygons.crs, target, f"{path}")
+    except InputError:
+        raise
+    except Exception as error:  # noqa: BLE001 the errors of GEOS and PROJ have no family of their own
+        raise unreadable(str(error) or type(error).__name__) from None
+    return replace(polygons, shapes=tuple(shapes), crs=target)
+
+
+def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) -> NDArray[Any]:
+    """Geometries (n,) of one CRS in another, both horizontal or the horizontal part of a compound one.
+
+    InputError, which names `what`, if one of the CRS is on a historical datum and the other is not, or a geometry lies
+    outside the domain of the map.
+    """
+    given = np.array(shapes, object)
+    flat, source = horizontal_part(target), horizontal_part(source)
+    if source.equals(flat, ignore_axis_order=True):
+        return given
+    base, map_base = source.geodetic_crs, flat.geodetic_crs
+    if base is None or map_base is None:
+        raise InputError("polygons-crs", what=what, source=source.name, flat=flat.name)
+    to_base = Transformer.from_crs(source, base.to_2d(), always_xy=True)
+    to_map = Transformer.from_crs(map_base.to_2d(), flat, always_xy=True)
+    round_earth = shapely.transform(given, lambda xy: np.column_stack(to_base.transform(*xy.T)))
+    lon, lat = np.median(shapely.get_coordinates(round_earth), axis=0)
+    if not base.to_2d().equals(map_base.to_2d(), ignore_axis_order=True):
+        for crs in (base, map_base):
+            shift_m = datum_shift_m(crs, round(float(lon), 1), round(float(lat), 1))
+            if shift_m is not None and shift_m > LARGEST_DATUM_SHIFT_M:
+                raise InputError("polygons-datum", what=what, base=crs.name, shift_m=shift_m)
+    moved = shapely.transform(round_earth, lambda xy: np.column_stack(to_map.transform(*xy.T)))
+    if not np.isfinite(shapely.get_coordinates(moved)).all():
+        raise InputError("polygons-elsewhere", what=what, lat=lat, lon=lon, flat=flat.name)
+    return np.asarray(moved, object)
+
+
+def horizontal_part(crs: CRS) -> CRS:
+    """The two-dimensional CRS of a map, without that of heights."""
+    return crs.sub_crs_list[0].to_2d() if crs.is_compound else crs.to_2d()
+
 
 MANY_POLYGONS: Final = 50
 """Polygons from which on a grid of them finds the right one faster than an index of all their edges."""

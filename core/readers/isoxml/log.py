@@ -9,17 +9,15 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from furrowmap.core.readers.facts import position_facts, timing_facts, utc_facts
-from furrowmap.core.readers.isoxml.content import TaskData
-from furrowmap.core.readers.isoxml.files import MAIN, is_task_data, open_task_files
+from furrowmap.core.readers.isoxml.content import MAIN, TaskData, is_task_data, open_task_files
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.gnss import GnssTrack, assumed_sigma_m
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 LATE_S: Final = 0.1

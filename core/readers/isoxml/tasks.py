@@ -11,9 +11,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.implausible_positions import drop_implausible_positions
-from furrowmap.core.readers.isoxml.content import PARALLEL, DeviceElement, Partfield, Task, TaskData, read_content
-from furrowmap.core.readers.isoxml.files import TaskFiles
+from furrowmap.core.readers.facts import drop_implausible_positions
+from furrowmap.core.readers.isoxml.content import (
+    PARALLEL,
+    DeviceElement,
+    Partfield,
+    Task,
+    TaskData,
+    TaskFiles,
+    read_content,
+)
 from furrowmap.core.readers.isoxml.time_log import TimeLog, read_time_log
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice

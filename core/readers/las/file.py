@@ -11,8 +11,7 @@ from furrowmap.core.readers.las.tables import POINT_SIGNATURES
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.clock_readings import ClockReading
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading
 
 LAS_CLASSES: Final = {
     0: "never classified", 1: "unclassified", 2: "ground", 3: "low vegetation", 4: "medium vegetation",

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.readers.las.header import LasHeader, LasRecord
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.limits import expect_growth
+from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.runtime.settings import allows
 
 LAZ_USER_ID: Final = "laszip encoded"

@@ -18,7 +18,7 @@ from furrowmap.core.readers.las.header import MAX_COORDINATE
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.core.runtime.limits import expect_memory
+from furrowmap.core.runtime.memory import expect_memory
 
 TABLE_SIGNATURES: Final = {
     b"# .PCD": "pcd",

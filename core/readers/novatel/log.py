@@ -24,9 +24,16 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.facts import pose_facts
 from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, count_foreign, layout, scan_stream
 from furrowmap.core.readers.poses.file import RawPoses
-from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
+from furrowmap.core.readers.position_log import (
+    MIN_INTACT_SHARE,
+    LoggedPositions,
+    PositionLog,
+    byte_place,
+    dated_positions,
+    has_position,
+    log_facts,
+)
 from furrowmap.core.readers.reader import Inspection, recording_name
-from furrowmap.core.readers.receiver_log import MIN_INTACT_SHARE, dated_positions, has_position, log_facts
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError

@@ -32,8 +32,7 @@ from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.clock_readings import ClockReading
-from furrowmap.core.values.scan import Clock, Scan
+from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
 BEAM_COUNTS: Final = (16, 32, 64, 128)
 _PACKET_COLUMNS: Final = 16

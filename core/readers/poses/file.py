@@ -10,17 +10,15 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.readers.epochs import utc_of
-from furrowmap.core.readers.facts import pose_facts, timing_facts, utc_facts
-from furrowmap.core.readers.implausible_positions import far_from_middle, is_implausible, strays
+from furrowmap.core.readers.facts import far_from_middle, is_implausible, pose_facts, strays, timing_facts, utc_facts
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, iso_utc, runs_forward, unroll
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.earth import earth_centred_m
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.rotation import heading_deg
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading
 
 MAX_LATE_SHARE: Final = 0.01
 """Share of poses out of order above which a trajectory is rejected; below it, they are dropped."""

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
-from furrowmap.core.readers.implausible_positions import drop_implausible_positions
+from furrowmap.core.readers.facts import drop_implausible_positions
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.rosbag import messages as ros
 from furrowmap.core.readers.rosbag.clouds import CloudScans, LineScans
@@ -18,12 +18,11 @@ from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import AttitudeTrack
-from furrowmap.core.values.scan import Clock, Scan
+from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
 if TYPE_CHECKING:
     from furrowmap.core.readers.rosbag.bags import OusterMessages, PacketScans
@@ -47,9 +46,8 @@ from furrowmap.core.readers.pcap import Datagrams
 from furrowmap.core.readers.rosbag.messages import PACKET_SCANS, seconds, stamp_s
 from furrowmap.core.readers.rosbag.storage import BagStorage, Db3Storage, McapStorage, Rosbag1Storage
 from furrowmap.core.readers.source import look
-from furrowmap.core.readers.spinning.angles import AngleTable
 from furrowmap.core.readers.spinning.decoder import PacketDecoder
-from furrowmap.core.readers.spinning.model import ByteArray
+from furrowmap.core.readers.spinning.model import AngleTable, ByteArray
 from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.runtime.arrays import scratch_file
 from furrowmap.core.runtime.file_names import is_file_name

@@ -30,7 +30,7 @@ from urllib.parse import quote
 
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.limits import expect_disk
+from furrowmap.core.runtime.memory import expect_disk
 from furrowmap.core.values.clock import iso_utc
 
 MAX_RECORD_BYTES = 1 << 29

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.messages import CRC, Framing, MessageCounts, Messages, at_equal, layout
-from furrowmap.core.readers.position_log import LoggedPositions
-from furrowmap.core.readers.receiver_log import ReceiverLog, dated_positions, has_position
+from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, dated_positions, has_position
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, datagrams_of, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
-from furrowmap.core.readers.spinning.angles import AngleTable
 from furrowmap.core.readers.spinning.clock import (
     HESAI_MARK,
     POSITION_BYTES,
@@ -25,12 +24,11 @@ from furrowmap.core.readers.spinning.clock import (
     settle,
 )
 from furrowmap.core.readers.spinning.decoder import PacketDecoder
-from furrowmap.core.readers.spinning.model import Maker
+from furrowmap.core.readers.spinning.model import AngleTable, Maker
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.clock_readings import ClockReading
-from furrowmap.core.values.scan import Clock, Scan
+from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
 _POSITION_PORTS: Final = (8308, 10110)
 _HOUR_FROM: Final = {

@@ -11,9 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.readers.spinning.angles import AngleTable
 from furrowmap.core.readers.spinning.clock import SensorClock, settle
-from furrowmap.core.readers.spinning.model import RATE_TOLERANCE, ByteArray, Maker, Model
+from furrowmap.core.readers.spinning.model import RATE_TOLERANCE, AngleTable, ByteArray, Maker, Model
 from furrowmap.core.readers.spinning.returns import BAD_BLOCKS, CARRIED, TURNED, TURNING, decode_returns
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.epochs import midnights_utc_s, no_week, week_times
 from furrowmap.core.readers.messages import FLETCHER, Framing, MessageCounts, Messages, at_equal, layout, paired
-from furrowmap.core.readers.position_log import LoggedPositions
-from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
+from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s, nearest_in_cycle, utc_to_gps_s

@@ -38,10 +38,9 @@ from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
-from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading
 
 SYNC: Final = 0xFA
 MAX_MESSAGE_BYTES: Final = 2048

@@ -28,8 +28,8 @@ from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.rotation import Mounting
+from furrowmap.core.values.scan import named_offset
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 

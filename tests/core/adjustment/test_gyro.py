@@ -27,10 +27,9 @@ from furrowmap.core.estimation.knots import (
 )
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.simulator.drive import drive_path
+from furrowmap.core.simulator.drive import drive_path, plan_path
 from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField
 from furrowmap.core.simulator.site import lay_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground

@@ -23,8 +23,14 @@ from furrowmap.core.geodesy.coordinates import (
     transform_poses,
     transform_track,
 )
-from furrowmap.core.geodesy.height_system import height_system
-from furrowmap.core.geodesy.projection import MapFrame, ParameterFile, map_frame, read_parameters, stated_frame
+from furrowmap.core.geodesy.projection import (
+    MapFrame,
+    ParameterFile,
+    height_system,
+    map_frame,
+    read_parameters,
+    stated_frame,
+)
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.values.gnss import Fix, GnssTrack

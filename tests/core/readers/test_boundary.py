@@ -12,8 +12,7 @@ import shapely
 from pyproj import Geod
 
 from furrowmap.core.readers.boundary import read_fields
-from furrowmap.core.readers.isoxml.content import read_content
-from furrowmap.core.readers.isoxml.files import open_task_files
+from furrowmap.core.readers.isoxml.content import open_task_files, read_content
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
 

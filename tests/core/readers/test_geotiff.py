@@ -11,7 +11,7 @@ import rasterio
 
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.readers.geotiff import open_geotiff
-from furrowmap.core.runtime import limits
+from furrowmap.core.runtime import memory
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.results import read_raster
@@ -72,7 +72,7 @@ def test_promise_10__a_raster_larger_than_the_memory_is_refused(
     assert path.stat().st_size < 5_000_000
     with pytest.raises(RefusedError, match=r"(?s)needs 1 TB of memory.*--allow-large"):
         read_raster(path)
-    monkeypatch.setattr(limits, "FREE_BYTES", 1)
-    monkeypatch.setattr(limits, "free_memory_bytes", lambda: 4096 * 4096)
+    monkeypatch.setattr(memory, "FREE_BYTES", 1)
+    monkeypatch.setattr(memory, "free_memory_bytes", lambda: 4096 * 4096)
     with pytest.raises(RefusedError, match="A block of"), open_geotiff(path, unusable):
         pass

@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 
 from furrowmap.cli.main import attempt
-from furrowmap.core.readers.isoxml.files import open_task_files
+from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.source import Source
-from furrowmap.core.runtime import limits
+from furrowmap.core.runtime import memory
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
-from furrowmap.core.runtime.limits import expect_disk, expect_memory
-from furrowmap.core.runtime.memory import free_memory_bytes
+from furrowmap.core.runtime.memory import expect_disk, expect_memory, free_memory_bytes
 from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.runtime.settings import ALLOW_VARIABLE, allowing, allows
 from furrowmap.core.work.saved import load_implement
@@ -36,8 +35,8 @@ CONTENT = nmea() * 10_000
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bombs of a few megabytes, so that the tests are quick; the rule is the same."""
-    monkeypatch.setattr(limits, "FREE_BYTES", 1 << 20)
-    monkeypatch.setattr(limits, "MAX_GROWTH", 10)
+    monkeypatch.setattr(memory, "FREE_BYTES", 1 << 20)
+    monkeypatch.setattr(memory, "MAX_GROWTH", 10)
 
 
 def test_allowances__by_what_surrounds_or_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,7 +104,7 @@ def test_npz__is_read_as_numpy_writes_it(tmp_path: Path) -> None:
 
 def test_promise_10__no_file_takes_more_than_half_of_what_is_free(tmp_path: Path) -> None:
     free = free_memory_bytes()
-    assert free > limits.FREE_BYTES
+    assert free > memory.FREE_BYTES
     for expect in (lambda: expect_memory("x", 2 * free), lambda: expect_disk("x", tmp_path, 1 << 60)):
         with pytest.raises(RefusedError) as error:
             expect()

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.session.examination import Examined, likely_offset, time_matches
-from furrowmap.core.values.clock_readings import ClockReading
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading
 
 T0_S = 1_781_141_020.0
 

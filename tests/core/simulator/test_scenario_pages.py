@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.simulator.scenario_file import scenario_from
+from furrowmap.core.simulator.scenario import scenario_from
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, LEAD_IN_S, SimulatedTrack, drive_path
-from furrowmap.core.simulator.path import plan_path
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, LEAD_IN_S, SimulatedTrack, drive_path, plan_path
 from furrowmap.core.simulator.scenario import ScenarioDrive, ScenarioImplement
 
 STARTED = {"start_xy_m": (10.0, 20.0), "wander_m": 0.0}

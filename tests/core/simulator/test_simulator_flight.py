@@ -18,8 +18,7 @@ from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.rays import Firings, Met, cast, make_optics, make_scene
 from furrowmap.core.simulator.recording import VLP16
-from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, scenario_from
+from furrowmap.core.simulator.scenario import Scenario, as_toml, demo_scenario, scenario_from
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.simulator.simulate_flight import (
     duration_s,

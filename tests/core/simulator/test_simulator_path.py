@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.simulator.path import DrivenPath, plan_path
+from furrowmap.core.simulator.drive import DrivenPath, plan_path
 from furrowmap.core.simulator.scenario import ScenarioDrive
 
 

@@ -16,8 +16,11 @@ from furrowmap.core.simulator.scenario import (
     ScenarioImplement,
     ScenarioLidar,
     ScenarioSoil,
+    as_toml,
+    demo_scenario,
+    load_scenario,
+    scenario_from,
 )
-from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, load_scenario, scenario_from
 
 
 @pytest.mark.parametrize("name", ["tractor_loop", "tractor_fishtail"])

@@ -21,8 +21,14 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import load_session
-from furrowmap.core.simulator.scenario import Noise, Scenario, ScenarioDrive, ScenarioField, ScenarioLidar
-from furrowmap.core.simulator.scenario_file import load_scenario
+from furrowmap.core.simulator.scenario import (
+    Noise,
+    Scenario,
+    ScenarioDrive,
+    ScenarioField,
+    ScenarioLidar,
+    load_scenario,
+)
 from furrowmap.core.simulator.simulate import Simulated, simulate
 from tests.core.simulator.conftest import SHORT
 
@@ -202,8 +208,7 @@ def test_simulate__returns_are_distributed_as_in_the_sample(shared_data: Path, t
 
 
 def test_simulate__defaults_are_a_session_of_a_minute() -> None:
-    from furrowmap.core.simulator.drive import drive_path
-    from furrowmap.core.simulator.path import plan_path
+    from furrowmap.core.simulator.drive import drive_path, plan_path
     from furrowmap.core.simulator.site import lay_out
 
     rng = np.random.default_rng(0)

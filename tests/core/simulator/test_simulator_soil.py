@@ -17,8 +17,9 @@ from furrowmap.core.simulator.scenario import (
     ScenarioField,
     ScenarioImplement,
     ScenarioSoil,
+    as_toml,
+    scenario_from,
 )
-from furrowmap.core.simulator.scenario_file import as_toml, scenario_from
 from furrowmap.core.simulator.site import CELL_M
 from furrowmap.core.simulator.soil import (
     FOOTPRINT_M,

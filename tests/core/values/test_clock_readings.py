@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from furrowmap.core.values.clock_readings import ClockReading, likely_offset, named_offset
-from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.scan import Clock, ClockReading, likely_offset, named_offset
 
 T0_S = 1.75e9
 HOUR_S, DAY_S, WEEK_S = 3600.0, 86_400.0, 604_800.0

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS
 
-from furrowmap.core.readers.vector_layer import VectorLayer
+from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.exchange.vectors import FORMATS, _short_names, write_vectors
 from furrowmap.exporters.files.provenance import Origin

@@ -12,7 +12,7 @@ from isoxml.converter.shapely_geom import ShapelyConverterV4
 from isoxml.util.isoxml_io import isoxml_from_path
 from pyproj import Geod
 
-from furrowmap.core.readers.isoxml.files import open_task_files
+from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError

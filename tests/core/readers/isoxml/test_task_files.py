@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.readers.isoxml.content import read_content
-from furrowmap.core.readers.isoxml.files import MAIN, is_task_data, open_task_files
+from furrowmap.core.readers.isoxml.content import MAIN, is_task_data, open_task_files, read_content
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError, RefusedError

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.readers.isoxml.files import open_task_files
+from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import ReadOptions

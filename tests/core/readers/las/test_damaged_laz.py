@@ -15,7 +15,7 @@ from furrowmap.cli.main import attempt
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud, survey
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.runtime.errors import InputError, RefusedError
-from furrowmap.core.runtime.limits import expect_growth
+from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.runtime.settings import allowing
 from tests.fuzz.recordings import copc_seeds, las
 
