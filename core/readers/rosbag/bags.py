@@ -2,56 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from importlib.util import find_spec
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
-
-from furrowmap.core.readers.facts import drop_implausible_positions
-from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
-from furrowmap.core.readers.rosbag import messages as ros
-from furrowmap.core.readers.rosbag.clouds import CloudScans, LineScans
-from furrowmap.core.readers.rosbag.messages import LIVOX_CLOUDS, AttitudeLog, FixLog, ImuLog, SentenceLog, deserialize
-from furrowmap.core.readers.rosbag.storage import MCAP_MAGIC, ROSBAG1_MAGIC, SQLITE_MAGIC, BagMessage, Damage
-from furrowmap.core.readers.source import Head
-from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
-from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.gnss import GnssTrack
-from furrowmap.core.values.images import Images
-from furrowmap.core.values.inertial import InertialTrack
-from furrowmap.core.values.pose_track import AttitudeTrack
-from furrowmap.core.values.scan import Clock, ClockReading, Scan
-
-if TYPE_CHECKING:
-    from furrowmap.core.readers.rosbag.bags import OusterMessages, PacketScans
-
-
 import mmap
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Collection
-from pathlib import PurePath
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path, PurePath
+from typing import Any, ClassVar, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.exif import MAX_PIXELS, layout_fault
+from furrowmap.core.readers.facts import drop_implausible_positions, jump_notices, position_facts, timing_facts
 from furrowmap.core.readers.hesai.captures import HESAI
+from furrowmap.core.readers.inertial_rows import attitude_facts, imu_notices, inertial_facts
 from furrowmap.core.readers.ouster.captures import looks_like_data, sensors_of
 from furrowmap.core.readers.ouster.metadata import Metadata, metadata_beside
 from furrowmap.core.readers.ouster.packets import OusterDecoder
 from furrowmap.core.readers.pcap import Datagrams
-from furrowmap.core.readers.rosbag.messages import PACKET_SCANS, seconds, stamp_s
-from furrowmap.core.readers.rosbag.storage import BagStorage, Db3Storage, McapStorage, Rosbag1Storage
-from furrowmap.core.readers.source import look
+from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.rosbag import messages as ros
+from furrowmap.core.readers.rosbag.clouds import CloudScans, LineScans
+from furrowmap.core.readers.rosbag.storage import (
+    MCAP_MAGIC,
+    ROSBAG1_MAGIC,
+    SQLITE_MAGIC,
+    BagMessage,
+    BagStorage,
+    Damage,
+    Db3Storage,
+    McapStorage,
+    Rosbag1Storage,
+)
+from furrowmap.core.readers.source import Head, look
 from furrowmap.core.readers.spinning.decoder import PacketDecoder
 from furrowmap.core.readers.spinning.model import AngleTable, ByteArray
 from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.runtime.arrays import scratch_file
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name
-from furrowmap.core.values.images import RawLayout, StoredImage
+from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.images import Images, RawLayout, StoredImage
+from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.pose_track import AttitudeTrack
+from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
 _SUFFIXES: Final = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
 """By the first bytes of the formats of CompressedImage that are read."""
@@ -72,7 +70,7 @@ class ImageLog:
 
     def add(self, content: Any, message: BagMessage) -> None:
         """Add one message; Damage if its encoding is not supported, or its bytes are not such an image."""
-        at_s = stamp_s(content, message)
+        at_s = ros.stamp_s(content, message)
         if self._times and 0.0 <= at_s - self._times[-1][0] < self._every_s - _EARLY_S:
             self.left_out += 1
             return
@@ -179,16 +177,16 @@ class PacketScans(_PacketMessages):
 
     def __init__(self, source: str, path: Path, kind: str, options: ReadOptions) -> None:
         super().__init__()
-        maker = _MAKERS[PACKET_SCANS[kind]]
+        maker = _MAKERS[ros.PACKET_SCANS[kind]]
         angles = AngleTable.beside([path]) if maker.calibrated else None
         self._maker = maker
         self._decoder = PacketDecoder(maker, options.model, angles=angles, where=source, near_s=options.near_s)
 
     def _packets(self, content: Any, message: BagMessage) -> Iterator[tuple[ByteArray, float]]:
-        at_s = stamp_s(content, message)
+        at_s = ros.stamp_s(content, message)
         for packet in content.packets:
             data = np.asarray(packet.data, np.uint8)
-            yield data[: packet.size] if hasattr(packet, "size") else data, seconds(packet.stamp) or at_s
+            yield data[: packet.size] if hasattr(packet, "size") else data, ros.seconds(packet.stamp) or at_s
 
     def _decode(self, packets: Datagrams) -> list[Scan]:
         product = self._maker.products(packets.data, packets.offset, packets.length)
@@ -380,10 +378,10 @@ def _open_storage(path: Path) -> BagStorage:
 
 
 T = TypeVar("T")
-Log = TypeVar("Log", FixLog, SentenceLog, ImuLog, AttitudeLog, ImageLog)
+Log = TypeVar("Log", ros.FixLog, ros.SentenceLog, ros.ImuLog, ros.AttitudeLog, ImageLog)
 _DJI_NODES: Final = frozenset({"dji_sdk", "dji_osdk_ros"})
 _POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
-_SCAN_TYPES: Final = (*ros.PACKET_SCANS, *LIVOX_CLOUDS, ros.POINT_CLOUD, ros.LASER_SCAN)
+_SCAN_TYPES: Final = (*ros.PACKET_SCANS, *ros.LIVOX_CLOUDS, ros.POINT_CLOUD, ros.LASER_SCAN)
 """Types of messages with scans, those preferred first."""
 
 
@@ -549,8 +547,6 @@ class _RosBag(FileReader):
         source = self._source(chosen)
         if chosen.type not in ros.PACKET_SCANS:
             return LineScans(source) if chosen.type == ros.LASER_SCAN else CloudScans(source)
-        from furrowmap.core.readers.rosbag.bags import OusterMessages, PacketScans
-
         if ros.PACKET_SCANS[chosen.type] == "Ouster":
             texts = [topic for topic in self._found() if topic.type == ros.TEXT and "metadata" in topic.name]
             own = chosen.name.rpartition("/")[0]
@@ -574,14 +570,12 @@ class _RosBag(FileReader):
         self.clocks = (ClockReading(self.clock, first_s, last_s, _POINT_TIMES),) if first_s <= last_s else ()
         self._add_notices(*decoder.notices())
 
-    def _positions(self) -> tuple[GnssTrack, _Topic, FixLog | SentenceLog]:
+    def _positions(self) -> tuple[GnssTrack, _Topic, ros.FixLog | ros.SentenceLog]:
         """The positions, their topic, and its messages."""
-        from furrowmap.core.readers.facts import jump_notices
-
         chosen = self._choose("positions", ros.SENTENCE, ros.NAV_SAT_FIX, ros.DJI_POSITION, wanted=self.options.topic)
-        log: FixLog | SentenceLog
+        log: ros.FixLog | ros.SentenceLog
         if chosen.type == ros.SENTENCE:
-            log = self._collect(chosen, SentenceLog())
+            log = self._collect(chosen, ros.SentenceLog())
             positions = log.positions(self._source(chosen), self.options.date)
             track, fault = positions.track, positions.fault
             if fault is None:
@@ -592,7 +586,7 @@ class _RosBag(FileReader):
                 self._add_notices(Notice("bag-sentences-unused", value=fault.what.rstrip(".")))
                 chosen = self._choose("positions", ros.NAV_SAT_FIX)
         if chosen.type != ros.SENTENCE:
-            log = self._collect(chosen, FixLog())
+            log = self._collect(chosen, ros.FixLog())
             track, notices = log.track(self._source(chosen))
             self._add_notices(*notices)
             if chosen.is_dji or chosen.type == ros.DJI_POSITION:
@@ -601,17 +595,17 @@ class _RosBag(FileReader):
         self._add_notices(*dropped, *jump_notices(track))
         return track, chosen, log
 
-    def _inertial(self) -> tuple[InertialTrack, _Topic, ImuLog]:
+    def _inertial(self) -> tuple[InertialTrack, _Topic, ros.ImuLog]:
         chosen = self._choose("inertial measurements", ros.IMU, wanted=self.options.topic)
-        log = self._collect(chosen, ImuLog())
+        log = self._collect(chosen, ros.ImuLog())
         notices: list[Notice] = []
         track = log.track(self._source(chosen), notices)
         self._add_notices(*notices)
         return track, chosen, log
 
-    def _attitudes(self) -> tuple[AttitudeTrack, _Topic, AttitudeLog]:
+    def _attitudes(self) -> tuple[AttitudeTrack, _Topic, ros.AttitudeLog]:
         chosen = self._choose("attitudes", ros.IMU, ros.QUATERNION, ros.DJI_ATTITUDE, wanted=self.options.topic)
-        log = self._collect(chosen, AttitudeLog())
+        log = self._collect(chosen, ros.AttitudeLog())
         notices: list[Notice] = []
         true_north = chosen.is_dji or chosen.type == ros.DJI_ATTITUDE
         track = log.attitude(self._source(chosen), notices, true_north=true_north)
@@ -638,7 +632,7 @@ class _RosBag(FileReader):
             if message.type != chosen.type:
                 continue
             try:
-                result = take(deserialize(message), message)
+                result = take(ros.deserialize(message), message)
             except Damage as damage:
                 damaged += 1
                 first = first or f"{damage}, received {iso_utc(message.received_ns * 1e-9)}"
@@ -668,8 +662,6 @@ class _RosBag(FileReader):
         return facts, ClockReading(self.clock, first_s, last_s, _POINT_TIMES)
 
     def _imu_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        from furrowmap.core.readers.inertial_rows import imu_notices, inertial_facts
-
         track, chosen, log = self._inertial()
         self._add_notices(*imu_notices(track))
         facts = {"topic": chosen.name, "frame_id": log.frame_id, **inertial_facts(track), "oriented": log.oriented()}
@@ -677,16 +669,12 @@ class _RosBag(FileReader):
         return facts, ClockReading(Clock.RECORDER, float(track.t_s[0]), float(track.t_s[-1]), note)
 
     def _attitude_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        from furrowmap.core.readers.inertial_rows import attitude_facts
-
         track, chosen, log = self._attitudes()
         note = f"time stamps of the attitudes by their driver; received {log.delay_s():.3f} s later (median)"
         clock = ClockReading(Clock.RECORDER, float(track.t_s[0]), float(track.t_s[-1]), note)
         return {"topic": chosen.name, **attitude_facts(track)}, clock
 
     def _position_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        from furrowmap.core.readers.facts import position_facts, timing_facts
-
         track, chosen, log = self._positions()
         facts = {"topic": chosen.name, "epochs": len(track)} | timing_facts(track.t_s) | position_facts(track)
         stamps = (
@@ -696,8 +684,6 @@ class _RosBag(FileReader):
         return facts, ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note)
 
     def _image_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        from furrowmap.core.readers.facts import timing_facts
-
         chosen, log = self._images(kept=False)
         facts: dict[str, Any] = {"topic": chosen.name, "images": len(log), "encoding": log.encoding, "size": log.size}
         try:

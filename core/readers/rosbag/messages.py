@@ -13,8 +13,10 @@ above sea level. `rosbags` is imported with the first message, because all reade
 from __future__ import annotations
 
 import math
+import struct
 from array import array
 from functools import cache
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
@@ -37,9 +39,6 @@ from furrowmap.core.values.rotation import quaternion_to_attitude
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-
-import struct
-from types import SimpleNamespace
 
 LIVOX_CLOUDS: Final = ("livox_ros_driver2/msg/CustomMsg", "livox_ros_driver/msg/CustomMsg")
 _CUSTOM: Final = {

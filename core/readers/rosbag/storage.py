@@ -33,6 +33,11 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.memory import expect_disk
 from furrowmap.core.values.clock import iso_utc
 
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
 MAX_RECORD_BYTES = 1 << 29
 """Largest plausible record or chunk: a rosbag chunk has 768 KiB or a single message, one of an MCAP file a few MiB."""
 
@@ -504,9 +509,3 @@ class Db3Storage(BagStorage):
                 damaged += 1
         if damaged:
             self._note("bag-orphans.rows", damaged=damaged)
-
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
