@@ -49,7 +49,14 @@ def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shape
     rings = _rings(_lines(folder / BOUNDARY, unreadable), unreadable)
     if not rings:
         raise unreadable(f"{BOUNDARY} has no boundary")
-    origin, degree_m = np.array([lon_deg, lat_deg]), _degree_m(lat_deg)
+    angle = np.radians(lat_deg)
+    degree_m = np.array(  # metres per degree of longitude and of latitude, as AgOpenGPS has them
+        [
+            111412.84 * np.cos(angle) - 93.5 * np.cos(3 * angle) + 0.118 * np.cos(5 * angle),
+            111132.92 - 559.82 * np.cos(2 * angle) + 1.175 * np.cos(4 * angle) - 0.0023 * np.cos(6 * angle),
+        ]
+    )
+    origin = np.array([lon_deg, lat_deg])
     outline, *holes = (origin + en_m / degree_m for _, en_m in rings)
     kept = [hole for (through, _), hole in zip(rings[1:], holes, strict=True) if not through]
     return shapely.Polygon(outline, kept)
@@ -83,14 +90,3 @@ def _rings(lines: list[str], unreadable: Callable[[str], InputError]) -> list[tu
             rings.append((through, en_m))
         k += 1 + count
     return rings
-
-
-def _degree_m(lat_deg: float) -> FloatArray:
-    """(2,) metres per degree of longitude and of latitude, as AgOpenGPS has them."""
-    angle = np.radians(lat_deg)
-    return np.array(
-        [
-            111412.84 * np.cos(angle) - 93.5 * np.cos(3 * angle) + 0.118 * np.cos(5 * angle),
-            111132.92 - 559.82 * np.cos(2 * angle) + 1.175 * np.cos(4 * angle) - 0.0023 * np.cos(6 * angle),
-        ]
-    )

@@ -64,7 +64,10 @@ class FurrowmapError(Exception):
     @property
     def setting(self) -> dict[str, Any] | None:
         """The table, key and value of the session file that remedy it; None for another remedy."""
-        return _setting(self.key, self.values)
+        table, name, value, reason = SETTING_REMEDIES.get(self.key, ("", "", "", ""))
+        if not self.values.get(reason):
+            return None
+        return {"table": table, "key": name, "value": json.loads(str(self.values[value]))}
 
     @property
     def what(self) -> str:
@@ -186,14 +189,6 @@ class Notice:
         text = between.join(_sentence(language, self.key, part, dict(self.values)) for part in of_error)
         colon = ": " if language == ENGLISH else "："
         return f"{self.subject}{colon}{text}" if self.subject else text
-
-
-def _setting(key: str, values: Mapping[str, Value]) -> dict[str, Any] | None:
-    """The line of the session file that remedies a message."""
-    table, name, value, reason = SETTING_REMEDIES.get(key, ("", "", "", ""))
-    if not values.get(reason):
-        return None
-    return {"table": table, "key": name, "value": json.loads(str(values[value]))}
 
 
 def _sentence(language: str, key: str, part: str, values: Mapping[str, Value]) -> str:

@@ -100,29 +100,17 @@ def antenna_table(machine: Machine, *, flies: bool) -> str:
 def lidar_lines(machine: Machine, flight: FlownMounting | None, *, flies: bool) -> str:
     """The place of the scanner in its table."""
     if machine.lidar is None:
-        mounting = _MOUNTING.format("in the antenna" if flies else _ON_WHEELS)
-        return mounting if flight is None else _flown_lidar_lines(flight)
+        if flight is None:
+            return _MOUNTING.format("in the antenna" if flies else _ON_WHEELS)
+        angles = [f"rpy_deg = {toml_value(flight.lidar_rpy_deg(look))}   # {look}" for look in LOOKS]
+        words = _FROM_ANTENNA.format("scanner") + _FLOWN_LIDAR.format(flight.looking_axis)
+        return words + "\n# ".join(angles) + "\n"
     text = "# Mounting of the scanner in the vehicle frame.\n" + _lines(machine.lidar, "xyz_m", "rpy_deg")
     if machine.calibrated is None:
         return text
     known = machine.calibrated.rpy_sigma_deg
     sigma = ", ".join("not shown" if value >= NOT_SHOWN_DEG else margin(value) for value in known)
     return f"{text}# Angles calibrated with the recording of {machine.calibrated.date}: {sigma} degrees (95 %).\n"
-
-
-def _flown_lidar_lines(flight: FlownMounting) -> str:
-    angles = [f"rpy_deg = {toml_value(flight.lidar_rpy_deg(look))}   # {look}" for look in LOOKS]
-    words = _FROM_ANTENNA.format("scanner") + _FLOWN_LIDAR.format(flight.looking_axis)
-    return words + "\n# ".join(angles) + "\n"
-
-
-def imu_lines(machine: Machine, flight: FlownMounting | None) -> str:
-    """The place of the IMU in its table."""
-    if machine.imu is not None:
-        return _lines(machine.imu, "xyz_m", "rpy_deg", "kind")
-    if flight is None:
-        return _IMU
-    return _FROM_ANTENNA.format("IMU") + _FLOWN_IMU.format(toml_value(flight.imu_rpy_deg))
 
 
 def implement_table(machine: Machine, more: str = "") -> str:
@@ -267,7 +255,9 @@ def propose_session(
             _recording(lidar, gnss, poses, others, folder),
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
-            _trajectory(poses, folder) if poses else antenna_table(machine, flies=flies),
+            _TRAJECTORY_TABLE.format(_comments(poses), _names(poses, folder))
+            if poses
+            else antenna_table(machine, flies=flies),
             *([_lidar(lidar, folder, machine, flight, flies=flies)] if lidar or not others else []),
             *([_imu(inertial, folder, machine, flight)] if inertial else []),
             *([_attitude(attitude, folder, needed=not inertial)] if attitude else []),
@@ -419,12 +409,14 @@ def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginn
     )
 
 
-def _trajectory(poses: Sequence[Examined], folder: Path) -> str:
-    return _TRAJECTORY_TABLE.format(_comments(poses), _names(poses, folder))
-
-
 def _imu(inertial: Sequence[Examined], folder: Path, machine: Machine, flight: FlownMounting | None) -> str:
-    return f"[imu]\n{_comments(inertial)}\nfiles = {_names(inertial, folder)}\n{imu_lines(machine, flight)}"
+    if machine.imu is not None:
+        place = _lines(machine.imu, "xyz_m", "rpy_deg", "kind")
+    elif flight is not None:
+        place = _FROM_ANTENNA.format("IMU") + _FLOWN_IMU.format(toml_value(flight.imu_rpy_deg))
+    else:
+        place = _IMU
+    return f"[imu]\n{_comments(inertial)}\nfiles = {_names(inertial, folder)}\n{place}"
 
 
 def _head(folder: Path, machine: Machine) -> str:

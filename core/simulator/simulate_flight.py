@@ -184,21 +184,6 @@ def normal_gravity_mps2(lat_deg: FloatArray, height_m: FloatArray) -> FloatArray
     return out
 
 
-def write_imu(file: Path, log: SimulatedImuLog, imu: ScenarioImu, site: SimulatedSite) -> None:
-    """The log as CSV, stamped with its own clock."""
-    table = np.column_stack([site.t0_s + log.t_s + imu.time_offset_s, log.rate_dps, log.force_mps2])
-    np.savetxt(
-        file, table, fmt="%.4f" + ",%.5f" * 6, header=f"time_unix_s,{_RATE},{_FORCE}", comments="", encoding="ascii"
-    )
-
-
-def write_biases(file: Path, log: SimulatedImuLog, imu: ScenarioImu, site: SimulatedSite) -> None:
-    """The biases at 10 Hz."""
-    i = slice(None, None, max(1, imu.rate_hz // 10))
-    table = np.column_stack([site.t0_s + log.t_s[i], log.bias[i]])
-    np.savetxt(file, table, fmt="%.4f" + ",%.6f" * 6, header=f"time_unix_s,{_RATE},{_FORCE}", comments="")
-
-
 EAR_M: Final = 0.04
 """Standard deviation of the crop's height from plant to plant."""
 PLANT_CELLS: Final = 1.2
@@ -490,8 +475,12 @@ def write_sensors(folder: Path, world: World, end_s: float) -> None:
     scenario, site = world.scenario, world.site
     if scenario.imu is not None:
         log = measure(scenario.imu, world.motion, site, end_s, scenario.seed)
-        write_imu(folder / "imu.csv", log, scenario.imu, site)
-        write_biases(folder / "truth" / "imu_bias.csv", log, scenario.imu, site)
+        head = f"time_unix_s,{_RATE},{_FORCE}"
+        table = np.column_stack([site.t0_s + log.t_s + scenario.imu.time_offset_s, log.rate_dps, log.force_mps2])
+        np.savetxt(folder / "imu.csv", table, fmt="%.4f" + ",%.5f" * 6, header=head, comments="", encoding="ascii")
+        i = slice(None, None, max(1, scenario.imu.rate_hz // 10))  # biases at 10 Hz
+        table = np.column_stack([site.t0_s + log.t_s[i], log.bias[i]])
+        np.savetxt(folder / "truth" / "imu_bias.csv", table, fmt="%.4f" + ",%.6f" * 6, header=head, comments="")
     if world.mount is not None:
         world.mount.write(folder / "mount.csv", site, end_s, scenario.seed)
 

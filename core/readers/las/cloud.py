@@ -219,23 +219,8 @@ class CopcIndex:
         return np.sort(self.chunks[keep])
 
 
-def is_copc(records: Sequence[LasRecord]) -> bool:
-    """Whether the file is marked as COPC."""
-    return any((record.user, record.number) == ("copc", 1) for record in records)
-
-
-def read_index(
-    path: Path, file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz: LazPoints
-) -> tuple[CopcIndex | None, tuple[Notice, ...]]:
-    """The octree of a file that is marked as COPC; None, with a notice, if it is invalid."""
-    try:
-        return _index(file, header, records, laz), ()
-    except _OctreeError as fault:
-        return None, (Notice("copc-index", path=path.name, fault=fault),)
-
-
 class _OctreeError(Exception):
-    """What is wrong with the octree."""
+    """Why an octree is invalid."""
 
 
 def _index(file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz: LazPoints) -> CopcIndex:
@@ -546,9 +531,12 @@ def open_cloud(path: Path) -> CloudFile:
         form = "las"
         if header.compressed or said_compressed:
             laz, form, points = find_points(path, file, header, records), "laz", header.points
-            if is_copc(records):
-                index, found = read_index(path, file, header, records, laz)
-                notices, form = (*notices, *found), "copc"
+            if any((record.user, record.number) == ("copc", 1) for record in records):
+                form = "copc"
+                try:
+                    index = _index(file, header, records, laz)
+                except _OctreeError as fault:
+                    notices = (*notices, Notice("copc-index", path=path.name, fault=fault))
         else:
             points, found = _room(path, header)
             notices += found

@@ -70,15 +70,12 @@ class PointTable:
                 elif self.coding == "ascii":
                     rows = self._text_rows(path, file, count, done)
                 else:
-                    rows = self._binary_rows(file, count)
+                    data = file.read(count * self.row.itemsize)
+                    rows = np.frombuffer(data, self.row, len(data) // self.row.itemsize)
                 if not len(rows):
                     return
                 done += len(rows)
                 yield batch_of_rows(rows)
-
-    def _binary_rows(self, file: BinaryIO, count: int) -> NDArray[np.void]:
-        data = file.read(count * self.row.itemsize)
-        return np.frombuffer(data, self.row, len(data) // self.row.itemsize)
 
     def _unpacked(self, path: Path, file: BinaryIO) -> NDArray[np.void]:
         """All points of a compressed file."""
