@@ -4,8 +4,6 @@ ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2 (2023
 error of the survey, RMSE² = RMSE₁² + RMSE₂², where 1 is the fit to the points and 2 that of the points themselves.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -53,7 +51,7 @@ class Component:
     greatest_m: float
 
     @classmethod
-    def from_errors(cls, error_m: FloatArray, survey_sigma_m: FloatArray) -> Component:
+    def from_errors(cls, error_m: FloatArray, survey_sigma_m: FloatArray) -> "Component":
         """From errors (n,), n at least 1, and standard deviations of the survey (n,), nan where unstated."""
         known = survey_sigma_m[np.isfinite(survey_sigma_m)]
         survey = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
@@ -151,7 +149,7 @@ class HeldHeights:
     sigma_m: float
 
     @classmethod
-    def of(cls, surface: ProductAtPoints, stated_m: float) -> HeldHeights:
+    def of(cls, surface: ProductAtPoints, stated_m: float) -> "HeldHeights":
         """Of a surface whose heights have a standard deviation that all points share, as those of the survey do."""
         error = np.array([point.error_m[2] for point in surface.points])
         known = np.isfinite(error)

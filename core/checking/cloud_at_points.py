@@ -1,7 +1,5 @@
 """A cloud at surveyed points: height of the local plane, and disc targets."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal

@@ -1,7 +1,5 @@
 """Errors of a receiver's positions against a reference, and the continuity of its log."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -65,7 +63,7 @@ class Continuity:
     age: Age | None
 
     @classmethod
-    def from_track(cls, track: GnssTrack) -> Continuity:
+    def from_track(cls, track: GnssTrack) -> "Continuity":
         """Of a track with at least one position."""
         steps = np.diff(track.t_s)
         interval = float(np.median(steps)) if len(steps) else 0.0

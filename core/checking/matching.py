@@ -4,8 +4,6 @@ The reference is interpolated to the times of the test: by a cubic Hermite splin
 are four epochs in a row without a gap, else linearly; never across a gap.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

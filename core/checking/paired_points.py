@@ -1,7 +1,5 @@
 """Points measured twice, in a product and by a survey, paired by their names."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 ASPRS Positional Accuracy Standards, Edition 2 (2023), section 7.14; limits by section 7.4 and table 7.2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final, Literal
@@ -62,7 +60,7 @@ class InternalPrecision:
     swath_key: SwathKey
 
     @classmethod
-    def over_places(cls, places: Iterable[SwathHeights], swath_key: SwathKey) -> InternalPrecision:
+    def over_places(cls, places: Iterable[SwathHeights], swath_key: SwathKey) -> "InternalPrecision":
         """Over all places; nan where nothing separates the swaths."""
         seen = list(places) if swath_key != "nothing" else []
         spread = np.array([place.spread_m for place in seen])

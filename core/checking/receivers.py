@@ -1,7 +1,5 @@
 """Evaluation of one GNSS log against another."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

@@ -5,8 +5,6 @@ average² + standard deviation² (of the population); RMSE(2D)² = RMSE(X)² + R
 averages of X, Y, Z are signed, those of 2D and 3D are of lengths. See :data:`DEFINITIONS`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -49,7 +47,7 @@ class ErrorStatistics:
     greatest_m: float
 
     @classmethod
-    def from_values(cls, values: FloatArray) -> ErrorStatistics:
+    def from_values(cls, values: FloatArray) -> "ErrorStatistics":
         """Of the values (n,) that are known."""
         known = values[np.isfinite(values)]
         if not len(known):

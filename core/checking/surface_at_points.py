@@ -1,7 +1,5 @@
 """A surface at surveyed points."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

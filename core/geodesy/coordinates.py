@@ -1,7 +1,5 @@
 """Transformation of recorded positions to the frame, epoch and heights of the map, with a record of each step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Transformation between CRS, never by a ballpark step of PROJ."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Choice of a projected CRS for a site."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

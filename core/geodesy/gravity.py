@@ -5,8 +5,6 @@ The latter tell a height that lacks the geoid's from one that has it: harmonics 
 74, 128-133).
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

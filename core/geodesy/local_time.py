@@ -1,7 +1,5 @@
 """The local time of a place: what clocks show there."""
 
-from __future__ import annotations
-
 import datetime as dt
 import re
 from typing import Final

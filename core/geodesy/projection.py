@@ -8,8 +8,6 @@ states fields, period and both datums, but not the sign. It follows from the mot
 plates under Japan have moved south in every ITRF, except the Philippine Sea plate (Izu and Ogasawara islands).
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import math
 import re

@@ -4,8 +4,6 @@
 corners, and east, north and heading of each, for the boundary and then for each hole. No file of the folder has times.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final

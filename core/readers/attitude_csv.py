@@ -1,7 +1,5 @@
 """Attitudes of an AHRS in CSV, with units and the kind of north in the column names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import ClassVar, Final
 

@@ -1,7 +1,5 @@
 """Field boundaries from vector files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial

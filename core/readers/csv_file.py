@@ -1,7 +1,5 @@
 """CSV files with a header line: the columns of a format's schema as numbers, read in pieces."""
 
-from __future__ import annotations
-
 import csv
 import datetime as dt
 import io

@@ -4,8 +4,6 @@ Epochs are never sorted: those that are not later than all before are dropped an
 rejected, because two receivers wrote it or its parts are in the wrong order.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Callable
 from typing import Final

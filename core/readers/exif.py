@@ -3,8 +3,6 @@
 Tables of images are CSV with the file and the time of each.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import io
 import math

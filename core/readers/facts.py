@@ -1,7 +1,5 @@
 """Facts about positions and poses for `inspect`; positions that are implausible: off the Earth, or far from all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """GeoTIFFs of any software, opened without trusting what they state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -5,8 +5,6 @@ hexadecimal (GENOUT) hold the pages of transmissions: transmission number, page,
 each with its type and length; numbers are big-endian (Trimble, OEM GNSS receiver help, "GSOF messages").
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Inertial measurements in CSV, with units in the column names or stated by the session."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path

@@ -4,8 +4,6 @@ An IMU that turns sees gravity turn the other way: the change of the specific fo
 rate says, but for accelerations, which come and go. That compares units, signs and axes of both sensors.
 """
 
-from __future__ import annotations
-
 from itertools import permutations, product
 from typing import Any, Final
 

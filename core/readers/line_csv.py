@@ -1,7 +1,5 @@
 """Line scanners in CSV: a time, an angle and a range in each row."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Attitude of a moving mount in CSV."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

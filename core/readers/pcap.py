@@ -4,8 +4,6 @@ Formats: draft-ietf-opsawg-pcap (microseconds and nanoseconds, both byte orders)
 types as listed by the tcpdump group.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Logs of one receiver's positions: what all formats have in common, and what binary ones (UBX, SBF) have."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

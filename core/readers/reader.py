@@ -5,8 +5,6 @@ The reader of a sensor or format is one class with `format`, `title`, `recognise
 ``furrowmap.readers``, in furrowmap itself and in any other installed package.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import logging
 from collections.abc import Iterator, Mapping, Sequence

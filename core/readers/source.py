@@ -1,7 +1,5 @@
 """A recording as a stream of bytes, decompressed if its content is compressed, whatever its name."""
 
-from __future__ import annotations
-
 import io
 import lzma
 import sys

@@ -1,7 +1,5 @@
 """States of the implement from a CSV of the times at which they change."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Surveyed points from a table or a GeoPackage."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path

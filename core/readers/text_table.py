@@ -1,7 +1,5 @@
 """Tables by survey software and spreadsheets (text, xlsx, xls, ods): encodings, separators, decimal commas."""
 
-from __future__ import annotations
-
 import csv
 import datetime as dt
 import re

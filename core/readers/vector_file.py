@@ -4,8 +4,6 @@ GDAL reads layers as arrays, but not KML (OGC 12-007): its drivers choose by con
 format would open other files.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import shutil
 import tempfile
@@ -59,7 +57,7 @@ class VectorLayer:
         xyz: FloatArray = np.column_stack([part(self.shapes) for part in (shapely.get_x, shapely.get_y, shapely.get_z)])
         return xyz
 
-    def where(self, kept: Any) -> VectorLayer:
+    def where(self, kept: Any) -> "VectorLayer":
         """The features that an index, a mask or a slice selects, in its order."""
         return VectorLayer(self.shapes[kept], {k: values[kept] for k, values in self.columns.items()}, self.crs)
 

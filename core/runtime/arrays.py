@@ -4,8 +4,6 @@ The system writes their pages out as it needs the memory, and takes the file bac
 first: a full disk is an error when the array is made, not a signal that ends the process when it is written to.
 """
 
-from __future__ import annotations
-
 import ctypes
 import mmap
 import os

@@ -1,7 +1,5 @@
 """Work in threads: items computed ahead of the caller or written behind it, beside other work, or in shares."""
 
-from __future__ import annotations
-
 import queue
 import sys
 import threading

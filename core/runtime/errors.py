@@ -1,7 +1,5 @@
 """Errors with three parts and an exit status, and notices."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -152,7 +150,7 @@ class Notice:
         object.__setattr__(self, "key", key)
         object.__setattr__(self, "values", tuple(printed(key, values).items()))
 
-    def about(self, subject: str) -> Notice:
+    def about(self, subject: str) -> "Notice":
         """The notice with a subject before its text, such as one of several tools."""
         notice = Notice.from_printed(self.key, dict(self.values))
         object.__setattr__(notice, "subject", subject)

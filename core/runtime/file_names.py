@@ -1,7 +1,5 @@
 """Names that were read from a file and become paths: they stay inside the folder that they belong to."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a file is by its first bytes, to name it where another kind is expected."""
 
-from __future__ import annotations
-
 from typing import Final
 
 SIGNATURES: Final = {

@@ -1,7 +1,5 @@
 """Values of furrowmap as JSON that every reader takes: no NaN, no infinity, no lone surrogates."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 Content that is unpacked from foreign files is limited; a user may allow more.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import re

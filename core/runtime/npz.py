@@ -1,7 +1,5 @@
 """NumPy archives of anybody, whose sizes are checked before memory is taken for them."""
 
-from __future__ import annotations
-
 import math
 import zipfile
 from pathlib import Path

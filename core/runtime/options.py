@@ -4,8 +4,6 @@ The command line, the parameters in QGIS and the reference are made from the des
 standard library, so that the help of a command takes no time.
 """
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Mapping, Sequence

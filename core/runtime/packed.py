@@ -4,8 +4,6 @@ The length of the head in eight bytes, the head in MessagePack with the types, s
 their contents: arrays that lie in scratch files never come into memory as a whole.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from functools import partial

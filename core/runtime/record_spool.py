@@ -1,7 +1,5 @@
 """Records of one layout in a temporary file, read back by integer key."""
 
-from __future__ import annotations
-
 import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,5 @@
 """Settings of the process: threads, language, what a user allows of foreign files, and the folder of scratch files."""
 
-from __future__ import annotations
-
 import os
 from collections import ChainMap
 from collections.abc import Iterator

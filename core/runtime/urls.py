@@ -1,7 +1,5 @@
 """URLs as they are shown and stored: without passwords."""
 
-from __future__ import annotations
-
 import re
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The camera that a session states, and its images."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

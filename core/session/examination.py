@@ -1,7 +1,5 @@
 """Examination of recordings, and of their overlap in time."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -40,12 +38,12 @@ class Examined:
     reader: Reader
 
     @classmethod
-    def read(cls, path: Path) -> Examined:
+    def read(cls, path: Path) -> "Examined":
         """Read the file at `path` completely. Raises InputError if its format is unknown, or it cannot be read."""
         return next(cls._of_makers(path))
 
     @classmethod
-    def each(cls, path: Path) -> list[Examined]:
+    def each(cls, path: Path) -> "list[Examined]":
         """As :meth:`read`, once for each maker whose scanner is in a capture and can be read."""
         makers, found = cls._of_makers(path), list[Examined]()
         found.append(next(makers))
@@ -54,7 +52,7 @@ class Examined:
         return found
 
     @classmethod
-    def _of_makers(cls, path: Path) -> Iterator[Examined]:
+    def _of_makers(cls, path: Path) -> "Iterator[Examined]":
         first, *others = Recognised.each_by_content(path)
         known = [first]
         if hasattr(first.reader, "scans"):

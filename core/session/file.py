@@ -1,7 +1,5 @@
 """Reading and validation of session files; every error names the key."""
 
-from __future__ import annotations
-
 import datetime as dt
 import difflib
 import itertools

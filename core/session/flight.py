@@ -1,7 +1,5 @@
 """What the recordings of a flight show about its mounting: the ground below the scanner, and gravity in the IMU."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The frames of a session as a tree, as REP-103 and REP-105 name and order them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Reading and writing of machines' profiles."""
 
-from __future__ import annotations
-
 import datetime as dt
 import json
 import math

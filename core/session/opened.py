@@ -1,7 +1,5 @@
 """An open session: its paths resolved once, its map frame, and the readers of its files."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -89,7 +87,7 @@ class Inputs:
     geoid_grid: Path | None = None
 
     @classmethod
-    def find(cls, session_file: Path, session: Session) -> Inputs:
+    def find(cls, session_file: Path, session: Session) -> "Inputs":
         """The files that a session names. Raises InputError if one is missing, or outside the session's folder."""
 
         def one(name: str | None) -> Path | None:
@@ -163,7 +161,7 @@ class LidarRecording:
             scans = (replace(scan, t_s=scan.t_s - self._minus_gnss_s) for scan in scans)
         return scans_within(scans, self._span_s)
 
-    def ahead_by(self, offset_s: float) -> LidarRecording:
+    def ahead_by(self, offset_s: float) -> "LidarRecording":
         """The recording of a clock that is ahead by so much more."""
         return LidarRecording(self._reader, self._minus_gnss_s + offset_s, self._span_s) if offset_s else self
 
@@ -192,7 +190,7 @@ class OpenSession:
     inputs: Inputs
     frame: MapFrame
 
-    def within(self, polygons: Path) -> OpenSession:
+    def within(self, polygons: Path) -> "OpenSession":
         """The session with other polygons of the ground to map, which may lie anywhere."""
         try:
             name = Path(os.path.relpath(polygons.resolve(), self.file.resolve().parent)).as_posix()

@@ -3,8 +3,6 @@
 Places of sensors and tool are those of the machine's profile, or comments to fill in.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import re

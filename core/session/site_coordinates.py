@@ -1,7 +1,5 @@
 """The coordinate transformations of a session, with values at its site."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Set a value in the text of a TOML file; comments and all other characters are kept."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from typing import Final

@@ -1,7 +1,5 @@
 """Files beside the recordings of a flight: the table of its images, the parcels of a trial and their treatments."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -47,7 +45,7 @@ class TrialFiles:
     treatments: Path | None = None
 
     @classmethod
-    def among(cls, paths: Iterable[Path]) -> TrialFiles:
+    def among(cls, paths: Iterable[Path]) -> "TrialFiles":
         """Those among files; files of other kinds, and those that cannot be read, are passed over."""
         images, parcels, treatments = None, None, None
         for path in paths:

@@ -3,8 +3,6 @@
 Formats: draft-ietf-opsawg-pcap (file), RFC 791 (IPv4), RFC 768 (UDP), RFC 1071 (checksums).
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from ipaddress import IPv4Address

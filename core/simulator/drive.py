@@ -4,8 +4,6 @@ A turn is put together from arcs whose curvature rises and falls along `ramp_m`,
 symmetrical about the line half-way between two lanes; the one angle left open is found by bisection on its width.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The tables of a scenario that flies, or carries an IMU, a mount that moves or a line scanner."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta

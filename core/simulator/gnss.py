@@ -1,7 +1,5 @@
 """The GNSS receiver: its errors, and its sentences (NMEA 0183)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Final

@@ -3,8 +3,6 @@
 A mount may turn against the vehicle; a file says how.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +24,7 @@ class SimulatedMountMotion:
     phase_rad: FloatArray
 
     @classmethod
-    def with_random_phases(cls, mount: MovingMount, seed: int) -> SimulatedMountMotion:
+    def with_random_phases(cls, mount: MovingMount, seed: int) -> "SimulatedMountMotion":
         """With phases by chance."""
         return cls(mount, random_for(seed, "mount").uniform(0.0, 2.0 * np.pi, 3))
 

@@ -1,7 +1,5 @@
 """Random sequences that several parts of the simulation need."""
 
-from __future__ import annotations
-
 import zlib
 from typing import TypeAlias
 

@@ -7,8 +7,6 @@ pattern that does not repeat; it is recorded as messages of livox_ros_driver2 (m
 2.0) without the index that a recorder writes when it ends.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 import math

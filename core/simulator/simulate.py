@@ -1,7 +1,5 @@
 """From a scenario to a folder with a recording and its truth."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -6,8 +6,6 @@ centrifugal one (Groves 2013, Principles of GNSS, Inertial and Multisensor Integ
 both derivatives are differences of fourth order of the path, through which splines of fifth degree are laid.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator

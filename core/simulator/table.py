@@ -1,7 +1,5 @@
 """What the tables of a scenario have in common."""
 
-from __future__ import annotations
-
 import math
 from typing import Final, TypeAlias
 

@@ -1,7 +1,5 @@
 """The ground truth of a recording: trajectory, implement, ground, worked ground."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """A camera: its image geometry and its mounting on the vehicle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -104,7 +102,7 @@ class Camera:
         turning = inverse[np.isreal(inverse) & (inverse.real > MAX_TANGENT**-2)].real
         return float(min([MAX_TANGENT, *np.sqrt(1.0 / turning)]))
 
-    def reduced(self, factor: int) -> Camera:
+    def reduced(self, factor: int) -> "Camera":
         """The camera of images whose pixels are the means of `factor` × `factor` of its own; a rest is cut off."""
         shift = 0.5 * (factor - 1)
         return replace(
@@ -118,7 +116,7 @@ class Camera:
         )
 
     @classmethod
-    def from_colmap(cls, size: tuple[int, int], model: str, params: tuple[float, ...]) -> Camera:
+    def from_colmap(cls, size: tuple[int, int], model: str, params: tuple[float, ...]) -> "Camera":
         """The camera of a line of COLMAP's `cameras.txt`; the model is a key of :data:`COLMAP_MODELS`.
 
         ValueError if the model or the number of parameters is another, or k4 to k6 are not zero.

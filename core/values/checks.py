@@ -1,7 +1,5 @@
 """A check that values of several arrays share."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from typing import Any
 

@@ -4,8 +4,6 @@
 1980-01-06T00:00:00Z without leap seconds and is ahead of UTC by those inserted since.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Names of a CRS for users, and the distance of its datum from that of GNSS positions."""
 
-from __future__ import annotations
-
 import warnings
 from functools import lru_cache
 from typing import Any, Final

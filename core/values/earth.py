@@ -1,7 +1,5 @@
 """Geodetic and Cartesian coordinates on the WGS 84 ellipsoid, and local directions."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Positions of a GNSS receiver, as recorded and in the map frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, Self

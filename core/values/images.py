@@ -1,7 +1,5 @@
 """Images of a camera, with their times: files, or images in a recording."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -63,13 +61,13 @@ class Images:
         return len(self.paths)
 
     @classmethod
-    def sorted(cls, paths: Sequence[ImageFile], t_s: FloatArray, lon_lat_h: FloatArray | None = None) -> Images:
+    def sorted(cls, paths: Sequence[ImageFile], t_s: FloatArray, lon_lat_h: FloatArray | None = None) -> "Images":
         """Images in any order; without `lon_lat_h` (n, 3) their positions are unknown."""
         place = np.full((len(paths), 3), np.nan) if lon_lat_h is None else lon_lat_h.reshape(-1, 3)
         order = np.argsort(t_s, kind="stable")
         return cls(tuple(paths[k] for k in order), t_s[order], place[order])
 
-    def earlier_by(self, seconds: float) -> Images:
+    def earlier_by(self, seconds: float) -> "Images":
         """The images with earlier times."""
         return replace(self, t_s=self.t_s - seconds) if seconds else self
 

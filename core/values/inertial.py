@@ -1,7 +1,5 @@
 """Measurements of an inertial measurement unit (IMU), and its noise."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -35,7 +33,7 @@ class InertialTrack:
     def __len__(self) -> int:
         return len(self.t_s)
 
-    def part(self, chosen: slice) -> InertialTrack:
+    def part(self, chosen: slice) -> "InertialTrack":
         """Some of the measurements."""
         return InertialTrack(self.t_s[chosen], self.rate_radps[chosen], self.force_mps2[chosen], self.source)
 
@@ -69,7 +67,7 @@ class InertialNoise:
         accel_bias_mg: float,
         gyro_walk_deg_s_rts: float,
         accel_walk_mg_rts: float,
-    ) -> InertialNoise:
+    ) -> "InertialNoise":
         """Noise in the units of data sheets."""
         dps, mg = np.pi / 180.0, 1e-3 * STANDARD_GRAVITY_MPS2
         return cls(

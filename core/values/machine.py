@@ -1,7 +1,5 @@
 """A machine: where antenna, scanner, tool and further sensors sit on a vehicle, measured once for all its sessions."""
 
-from __future__ import annotations
-
 import datetime as dt
 from typing import Annotated, Final
 

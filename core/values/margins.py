@@ -1,7 +1,5 @@
 """Margins of error: ± is twice the standard deviation, 95 % of a normal distribution, wherever people read it."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """A parcel of a field trial or of any other set of polygons, and sizes and numbering of the plots of a trial."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field
 from typing import Final, Literal

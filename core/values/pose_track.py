@@ -1,7 +1,5 @@
 """Poses and attitudes from files: of the vehicle, before they are transformed to the map frame, and of a mount."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -48,7 +46,7 @@ class PoseTrack:
     def __len__(self) -> int:
         return len(self.t_s)
 
-    def __getitem__(self, index: slice | NDArray[np.bool_]) -> PoseTrack:
+    def __getitem__(self, index: slice | NDArray[np.bool_]) -> "PoseTrack":
         """The track of some of its poses."""
         arrays = ("t_s", "position", "roll_deg", "pitch_deg", "heading_deg", "sigma")
         return replace(self, **{name: getattr(self, name)[index] for name in arrays})

@@ -4,8 +4,6 @@ A rotation is a unit quaternion (w, x, y, z) that rotates vehicle (or lidar) coo
 coordinates. Euler angles are used only in files and mountings.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from dataclasses import dataclass
@@ -95,7 +93,7 @@ class Mounting:
         return mounting_rotation(*self.rpy_deg)
 
     @classmethod
-    def from_rotation(cls, xyz_m: tuple[float, float, float], rotation: NDArray[np.float64]) -> Mounting:
+    def from_rotation(cls, xyz_m: tuple[float, float, float], rotation: NDArray[np.float64]) -> "Mounting":
         """The mounting with this rotation matrix (3, 3), lidar to vehicle coordinates."""
         with warnings.catch_warnings():  # of the angles of a pitch of 90°, which are not unique, any serve
             warnings.simplefilter("ignore", UserWarning)

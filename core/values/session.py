@@ -1,7 +1,5 @@
 """The session: what a user states in `session.toml`; docs/reference/session.md describes each key."""
 
-from __future__ import annotations
-
 import datetime as dt
 import math
 from typing import Annotated, Final, Literal

@@ -1,7 +1,5 @@
 """States of the implement over time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 

@@ -1,7 +1,5 @@
 """Position and attitude of the vehicle as a function of time, and at each scan."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
@@ -117,7 +115,7 @@ class Trajectory:
 
         return arrays.in_parts(turns, len(self) - 1)[0] if len(self) > 1 else np.zeros((0, 3))
 
-    def without_accuracy(self) -> Trajectory:
+    def without_accuracy(self) -> "Trajectory":
         """The same poses with unknown standard deviations."""
         return replace(self, sigma=np.full(self.sigma.shape, np.nan))
 
@@ -232,7 +230,7 @@ class ScanPoses:
                 raise ValueError(f"ScanPoses.{name} is not finite: scans without a pose must not be included")
 
     @classmethod
-    def at_knots(cls, trajectory: Trajectory) -> ScanPoses:
+    def at_knots(cls, trajectory: Trajectory) -> "ScanPoses":
         """The poses of a trajectory's knots as scans without points, for a recording without scans."""
         columns = {name: column for name, column in vars(trajectory).items() if name in cls.__dataclass_fields__}
         n = len(trajectory)

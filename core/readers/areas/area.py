@@ -3,8 +3,6 @@
 The polygons may be a table of corners, too (CSV: id, e_m, n_m or lon_deg, lat_deg).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

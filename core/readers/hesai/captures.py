@@ -6,8 +6,6 @@ block, plus that of the channel, plus the turning up to its firing). The SDKs' s
 (up to 13 mm across, 8 mm in height, off by default) is not applied, nor is it in other decoders.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import ClassVar, Final
 

@@ -3,8 +3,6 @@
 ISO 11783-10:2015, annex D, names the elements of TASKDATA.XML by three letters and their attributes by one.
 """
 
-from __future__ import annotations
-
 import stat
 import zipfile
 from collections.abc import Callable, Iterator

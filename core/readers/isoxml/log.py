@@ -1,7 +1,5 @@
 """ISO 11783-10 task data as a recording: positions and working states of the machine."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, ClassVar, Final

@@ -1,7 +1,5 @@
 """The tasks of a set of task data as drives: logs joined, times in UTC, working states, widths and area counters."""
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Mapping, Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Untrusted XML: elements and their attributes, without document types, entities or deep nesting."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
@@ -19,10 +17,10 @@ class Element:
 
     tag: str
     attributes: dict[str, str]
-    children: list[Element] = field(default_factory=list)
+    children: "list[Element]" = field(default_factory=list)
     text: str = ""
 
-    def all(self, tag: str) -> Iterator[Element]:
+    def all(self, tag: str) -> "Iterator[Element]":
         """The children of that tag."""
         return (child for child in self.children if child.tag == tag)
 

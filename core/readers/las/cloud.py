@@ -1,7 +1,5 @@
 """LAS, LAZ and COPC files from other software: checked when opened, read in batches, compared with their headers."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Iterator, Sequence
@@ -287,7 +285,7 @@ class Survey:
         last_time: latest; -inf without times.
     """
 
-    cloud: CloudFile
+    cloud: "CloudFile"
     points: int = 0
     low: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
     high: FloatArray = field(default_factory=lambda: np.full(3, -np.inf))
@@ -366,7 +364,7 @@ class Survey:
         return first, last
 
 
-def survey(cloud: CloudFile) -> Survey:
+def survey(cloud: "CloudFile") -> Survey:
     """Statistics over all points of a cloud; InputError if its points are damaged."""
     found = Survey(cloud)
     for batch in cloud.batches():

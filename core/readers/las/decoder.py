@@ -1,7 +1,5 @@
 """Compressed points decoded in a process that may die of them."""
 
-from __future__ import annotations
-
 import atexit
 import json
 import os

@@ -1,7 +1,5 @@
 """Inspection of LAS, LAZ, COPC, PCD, PLY and E57 files."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar, Final
 
 import numpy as np

@@ -7,8 +7,6 @@ each, and the lengths of the layers inside (Isenburg 2013, *LASzip: lossless com
 specification 1.4 R1, sections 2 to 4).
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Point records as arrays, and the meaning of their GPS times, from the header and the first points."""
 
-from __future__ import annotations
-
 import datetime as dt
 from dataclasses import dataclass
 from enum import StrEnum
@@ -119,7 +117,7 @@ class CloudBatch:
     def __len__(self) -> int:
         return len(self.xyz_m)
 
-    def where(self, keep: NDArray[np.bool_]) -> CloudBatch:
+    def where(self, keep: NDArray[np.bool_]) -> "CloudBatch":
         """The points where `keep` (n,) is True; this batch itself if all are."""
         if keep.all():
             return self

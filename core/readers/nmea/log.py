@@ -7,8 +7,6 @@ it first in each burst), else to the one before. Epochs are never sorted: those 
 dropped and counted.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 from collections import Counter
 from collections.abc import Callable

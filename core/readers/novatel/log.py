@@ -7,8 +7,6 @@ initial value 0 and no final inversion, over all behind ``#`` or from AA on (Nov
 manual, "Message formats"; Unicore, N4 high precision products commands and logs reference).
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections import defaultdict

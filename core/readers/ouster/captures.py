@@ -1,7 +1,5 @@
 """Ouster packets in captures of network traffic, with the metadata of the sensor beside them."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence

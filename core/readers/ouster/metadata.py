@@ -7,8 +7,6 @@ PTP grandmaster usually counts TAI, which is ahead of UTC by an offset that its 
 clauses 7.2.4 and 13.5); `nmea_leap_seconds` of the metadata is what the sensor adds to the receiver's UTC.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -23,68 +21,6 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.scan import MAX_LASERS, Clock
-
-FROM_PTP: Final = "TIME_FROM_PTP_1588"
-FROM_PULSE: Final = "TIME_FROM_SYNC_PULSE_IN"
-PTP_PORT: Final = 320
-_ANNOUNCE: Final = 0x0B
-_ANNOUNCE_BYTES: Final = 64
-_OFFSET_VALID, _PTP_TIMESCALE = 0x04, 0x08
-_OFFSET_AT: Final = 44
-_EPOCH_NS: Final = 946_684_800 * 10**9
-"""2000-01-01: smaller stamps count from the sensor's start."""
-_TAI_S: Final = 37.0
-_FITS_S: Final = 2.0
-
-
-@dataclass(frozen=True)
-class SensorTime:
-    """What the stamps count from: UTC is the stamp minus `minus_ns`; `note` says it for people."""
-
-    kind: Clock
-    minus_ns: int
-    note: str
-
-
-def announced_s(payload: bytes) -> int | None:
-    """TAI minus UTC by a PTP message; None for one that does not state it."""
-    if len(payload) < _ANNOUNCE_BYTES or payload[0] & 0x0F != _ANNOUNCE or payload[1] & 0x0F != 2:
-        return None
-    if payload[7] & (_OFFSET_VALID | _PTP_TIMESCALE) != _OFFSET_VALID | _PTP_TIMESCALE:
-        return None
-    return int.from_bytes(payload[_OFFSET_AT : _OFFSET_AT + 2], "big", signed=True)
-
-
-def settle(
-    stamp_ns: IntArray, host_s: FloatArray, metadata: Metadata, tai_s: int | None
-) -> tuple[SensorTime, list[Notice]]:
-    """What the stamps count from, and what is unusual about it.
-
-    Args:
-        stamp_ns: (m,) stamps of the first packets, m > 0.
-        host_s: (m,) the recorder's times of these.
-        tai_s: TAI minus UTC as PTP announced it; None if it did not.
-    """
-    mode = metadata.timestamp_mode
-    if np.median(stamp_ns) < _EPOCH_NS:
-        apart_ns = stamp_ns - np.round(host_s * 1e9).astype(np.int64)
-        why = f"set by nothing ({mode or 'mode not stated'})"
-        return SensorTime(Clock.RECORDER, int(np.median(apart_ns)), why), [
-            Notice("ouster-clock-own", mode=mode or None)
-        ]
-    ahead_s = float(np.median(stamp_ns * 1e-9 - host_s))
-    if mode == FROM_PULSE:
-        leap_s = metadata.leap_s
-        return SensorTime(Clock.SENSOR_GPS, leap_s * 10**9, f"set by pulse and GPRMC, {leap_s} s added"), []
-    if tai_s is not None:
-        return SensorTime(Clock.SENSOR, tai_s * 10**9, f"set by PTP, which announces TAI - UTC = {tai_s} s"), []
-    notices = []
-    if abs(ahead_s - _TAI_S) < _FITS_S:
-        notices.append(Notice("ouster-clock-tai", ahead_s=ahead_s, tai_s=_TAI_S))
-    elif abs(ahead_s) > _FITS_S:
-        notices.append(Notice("ouster-clock-apart", ahead_s=ahead_s, mode=mode or None))
-    return SensorTime(Clock.SENSOR, 0, f"set by {'PTP' if mode == FROM_PTP else 'an unstated source'}"), notices
-
 
 LEGACY: Final = "LEGACY"
 _FUSA: Final = "FUSA"
@@ -253,7 +189,7 @@ class Metadata:
         return np.ascontiguousarray(np.concatenate([rotation @ turn, place[..., None]], axis=2))
 
     @classmethod
-    def parse(cls, text: str, name: str) -> Metadata | None:
+    def parse(cls, text: str, name: str) -> "Metadata | None":
         """What a JSON text says.
 
         None if it is not an Ouster's metadata; ValueError if angles are missing or implausible.
@@ -277,7 +213,7 @@ class Metadata:
         """The headers of its packets that begin at `offset` (m,) in `data`."""
         return heads(data, offset, legacy=self.profile == LEGACY, fusa=self.fusa)
 
-    def same_geometry(self, other: Metadata) -> bool:
+    def same_geometry(self, other: "Metadata") -> bool:
         """Whether packets are decoded alike with other metadata."""
         return (
             self.columns == other.columns
@@ -378,3 +314,65 @@ def metadata_beside(path: Path) -> tuple[list[Metadata], list[str]]:
 def _alike(a: str, b: str) -> int:
     """Number of characters with which two names begin alike."""
     return next((i for i, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
+
+
+FROM_PTP: Final = "TIME_FROM_PTP_1588"
+FROM_PULSE: Final = "TIME_FROM_SYNC_PULSE_IN"
+PTP_PORT: Final = 320
+_ANNOUNCE: Final = 0x0B
+_ANNOUNCE_BYTES: Final = 64
+_OFFSET_VALID, _PTP_TIMESCALE = 0x04, 0x08
+_OFFSET_AT: Final = 44
+_EPOCH_NS: Final = 946_684_800 * 10**9
+"""2000-01-01: smaller stamps count from the sensor's start."""
+_TAI_S: Final = 37.0
+_FITS_S: Final = 2.0
+
+
+@dataclass(frozen=True)
+class SensorTime:
+    """What the stamps count from: UTC is the stamp minus `minus_ns`; `note` says it for people."""
+
+    kind: Clock
+    minus_ns: int
+    note: str
+
+
+def announced_s(payload: bytes) -> int | None:
+    """TAI minus UTC by a PTP message; None for one that does not state it."""
+    if len(payload) < _ANNOUNCE_BYTES or payload[0] & 0x0F != _ANNOUNCE or payload[1] & 0x0F != 2:
+        return None
+    if payload[7] & (_OFFSET_VALID | _PTP_TIMESCALE) != _OFFSET_VALID | _PTP_TIMESCALE:
+        return None
+    return int.from_bytes(payload[_OFFSET_AT : _OFFSET_AT + 2], "big", signed=True)
+
+
+def settle(
+    stamp_ns: IntArray, host_s: FloatArray, metadata: Metadata, tai_s: int | None
+) -> tuple[SensorTime, list[Notice]]:
+    """What the stamps count from, and what is unusual about it.
+
+    Args:
+        stamp_ns: (m,) stamps of the first packets, m > 0.
+        host_s: (m,) the recorder's times of these.
+        tai_s: TAI minus UTC as PTP announced it; None if it did not.
+    """
+    mode = metadata.timestamp_mode
+    if np.median(stamp_ns) < _EPOCH_NS:
+        apart_ns = stamp_ns - np.round(host_s * 1e9).astype(np.int64)
+        why = f"set by nothing ({mode or 'mode not stated'})"
+        return SensorTime(Clock.RECORDER, int(np.median(apart_ns)), why), [
+            Notice("ouster-clock-own", mode=mode or None)
+        ]
+    ahead_s = float(np.median(stamp_ns * 1e-9 - host_s))
+    if mode == FROM_PULSE:
+        leap_s = metadata.leap_s
+        return SensorTime(Clock.SENSOR_GPS, leap_s * 10**9, f"set by pulse and GPRMC, {leap_s} s added"), []
+    if tai_s is not None:
+        return SensorTime(Clock.SENSOR, tai_s * 10**9, f"set by PTP, which announces TAI - UTC = {tai_s} s"), []
+    notices = []
+    if abs(ahead_s - _TAI_S) < _FITS_S:
+        notices.append(Notice("ouster-clock-tai", ahead_s=ahead_s, tai_s=_TAI_S))
+    elif abs(ahead_s) > _FITS_S:
+        notices.append(Notice("ouster-clock-apart", ahead_s=ahead_s, mode=mode or None))
+    return SensorTime(Clock.SENSOR, 0, f"set by {'PTP' if mode == FROM_PTP else 'an unstated source'}"), notices

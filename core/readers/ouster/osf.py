@@ -5,8 +5,6 @@ CRC-32 behind them (Ouster SDK, ouster_osf/fb). A turn is a message of compresse
 into data packets again, so that times, gaps and angles are those of captures.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 import sys
@@ -58,7 +56,7 @@ class _FlatTable(NamedTuple):
     at: int
 
     @classmethod
-    def root(cls, data: bytes) -> _FlatTable:
+    def root(cls, data: bytes) -> "_FlatTable":
         """The root of a buffer with its length before it."""
         return cls(data, 4 + struct.unpack_from("<I", data, 4)[0])
 
@@ -86,7 +84,7 @@ class _FlatTable(NamedTuple):
         """A string; empty if it is not there."""
         return self.vector(field, "u1").tobytes().decode()
 
-    def tables(self, field: int) -> list[_FlatTable]:
+    def tables(self, field: int) -> "list[_FlatTable]":
         """A vector of tables."""
         offsets = self.vector(field, "<u4")
         first = self._place(field)

@@ -1,7 +1,5 @@
 """Trajectories in CSV, with units in the column names."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Trajectories from other software: what all formats have in common, namely time scales and the order of the poses."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """SBET (smoothed best estimate of trajectory), the format of GNSS/INS post-processors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import ClassVar, Final
 

@@ -1,7 +1,5 @@
 """ROS bags: laser scans from packets or point clouds, GNSS positions, inertial measurements, and images."""
 
-from __future__ import annotations
-
 import mmap
 import re
 from abc import ABC, abstractmethod

@@ -4,8 +4,6 @@ The fields of a PointCloud2 depend on the driver; x, y and z are required, the o
 the drivers of Velodyne, Ouster, Hesai, Robosense and Livox. Definition: ROS package sensor_msgs.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from typing import Any, Final, NamedTuple

@@ -11,8 +11,6 @@ the summary at the end only repeats and counts them. In a database two tables ma
 serialization_format) and `messages` (topic_id, timestamp, data), whose rows are in the order of reception.
 """
 
-from __future__ import annotations
-
 import bz2
 import json
 import shutil

@@ -3,8 +3,6 @@
 (RTKLIB 2.4.2 manual, appendix B.1, "Positioning solution file".)
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace

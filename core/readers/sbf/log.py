@@ -1,7 +1,5 @@
 """SBF logs of Septentrio receivers: positions from PVTGeodetic or PVTCartesian."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import ClassVar, Final
 

@@ -1,7 +1,5 @@
 """Spinning scanners in captures of network traffic: data packets, position packets, and datagrams of others."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field

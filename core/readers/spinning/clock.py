@@ -6,8 +6,6 @@ The stamp of other sensors counts from power-on, and UTC comes from the recorder
 a date only the place in the hour is used: the recorder knows the hour, and a sensor without a receiver no date.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import re
 from collections.abc import Iterable
@@ -78,7 +76,7 @@ class PositionPacket:
     lon_deg: float
 
     @classmethod
-    def parse(cls, payload: bytes, host_s: float) -> PositionPacket:
+    def parse(cls, payload: bytes, host_s: float) -> "PositionPacket":
         """Decode a position packet of a Velodyne or a Hesai; a damaged sentence is ignored."""
         if payload[:2] == HESAI_MARK:
             # Two digits each, the lower one first: year, month, day, second, minute, hour; then microseconds.

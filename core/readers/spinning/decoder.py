@@ -3,8 +3,6 @@
 The reader of a capture or a ROS bag pushes packets in batches through one `PacketDecoder` and gets scans back.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Final

@@ -5,8 +5,6 @@ with its number, elevation and azimuth in degrees; newer files begin with a line
 `PandarView` and the sensor's web page export it.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -69,7 +67,7 @@ class AngleTable:
             raise InputError("angles-ambiguous", folder=folder, names=names, recording=paths[0].name)
         return next(iter(own or found), None)
 
-    def applied(self, model: Model) -> Model:
+    def applied(self, model: "Model") -> "Model":
         """The model with these angles; InputError if they are those of another model."""
         lasers, same = len(self.elevation_deg), len(self.elevation_deg) == model.lasers
         apart_deg = float(np.abs(self.elevation_deg - model.elevation_deg).max()) if same else 0.0
@@ -200,7 +198,7 @@ class Model:
         """Time from one packet to the next if firings have so many returns."""
         return self.groups(returns) * self.firings_per_block * self.cycle_s
 
-    def as_fired(self, packet_s: float, returns: int) -> Model:
+    def as_fired(self, packet_s: float, returns: int) -> "Model":
         """The model with the cycle of packets that follow each other by `packet_s`, if that is one of its own."""
         cycle_s = self.cycle_s * packet_s / self.packet_s(returns)
         if not (1.0 - RATE_TOLERANCE) * self.cycle_s < cycle_s < (1.0 + RATE_TOLERANCE) * self.slowest_s:

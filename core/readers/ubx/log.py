@@ -1,7 +1,5 @@
 """UBX logs of u-blox receivers: positions from NAV-PVT or NAV-HPPOSLLH."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Final

@@ -9,8 +9,6 @@ own. It is what a logger wrote before them, or follows from sentences between th
 `VNGPS`).
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import re
 import struct

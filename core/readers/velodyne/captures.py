@@ -6,8 +6,6 @@ and timing). A test compares them with velodyne-decoder 3.1, which is the source
 and of the angles and heights of the VLS-128; its timing is that of the ROS driver (velodyne_pointcloud 1.7).
 """
 
-from __future__ import annotations
-
 from typing import ClassVar, Final
 
 import numpy as np

@@ -9,8 +9,6 @@ and warnings that have such texts as values; the texts of messages themselves co
     "Straight passes: …" = "直線の行程：{1}"
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping

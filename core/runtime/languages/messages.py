@@ -6,8 +6,6 @@ of errors, `text` of warnings. In them, `{name}` is a value, `{name:.1f}` a valu
 formats), and `{name:one|other}` is a choice: `one` where the value is neither None, False nor empty.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
