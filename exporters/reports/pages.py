@@ -85,6 +85,12 @@ def render(template: str, *sources: str, **values: object) -> str:
     return page.replace(_POLICY, f'content="{_policy(page, sources)}"', 1)
 
 
+def compile_templates(*templates: str) -> None:
+    """Compile templates before they are rendered: half a second for those of a run."""
+    for template in templates:
+        _environment().get_template(template)
+
+
 def _policy(page: str, sources: tuple[str, ...]) -> str:
     """The Content-Security-Policy of a page: its own style sheet, embedded images, `sources`, and nothing else."""
     sheet = page.partition("<style>")[2].partition("</style>")[0]

@@ -7,7 +7,7 @@ import json
 import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -108,6 +108,7 @@ def run_opened(
     ):
         if threads() > 1:
             pool.submit(_import_products)  # while the trajectory is computed by kernels, which leave it the interpreter
+            pool.submit(_prepare_last_step)
         inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
         with ExitStack() as stack:
             parcels = None
@@ -147,6 +148,18 @@ def _import_products() -> None:
     """Import what writes products with its libraries; once, as objects of an earlier run must not be frozen."""
     with importing():
         import furrowmap.workflows.run.products  # noqa: F401
+
+
+@cache
+def _prepare_last_step() -> None:
+    """Load what the last step of a run needs, which a single thread does, while other steps leave a core idle."""
+    from furrowmap.exporters.reports.pages import compile_templates
+
+    compile_templates(
+        *(f"{name}.html" for name in ("report", "base", "parts", "passes", "images", "flight", "parcels"))
+    )
+    with suppress(ImportError):
+        import openpyxl  # noqa: F401
 
 
 class KeptMatching:

@@ -39,7 +39,7 @@ def test_scratch_arrays_are_arrays(order: str, least: int, monkeypatch: pytest.M
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_large_arrays_take_no_memory_of_the_process() -> None:
     before = memory("RssAnon")
-    made = arrays.zeros(32 * arrays.LARGE // 8)
+    made = arrays.zeros(4 * arrays.LARGE // 8)
     made += 1.0
     assert memory("RssAnon") - before < arrays.LARGE
     mapped = memory("VmRSS")
