@@ -39,7 +39,7 @@ $("tool").textContent = words.unknown;
 
 // Cells: a canvas for each tile, drawn again only where cells changed.
 const map = { origin: null, background: null, cell: 0.1, side: 64, tiles: new Map() };
-let pose = null, poseAt = 0, heardAt = 0, waiting = words.starting, connected = false;
+let pose = null, poseAt = 0, heardAt = 0, triedAt = 0, waiting = words.starting, connected = false;
 let metres = 30, northUp = false;
 const dark = matchMedia("(prefers-color-scheme: dark)");
 let night = (localStorage.getItem("furrowmap-night") ?? String(dark.matches)) === "true";
@@ -157,12 +157,15 @@ let order = Promise.resolve();
 let source = null;
 function connect() {
   if (source) source.close();
+  triedAt = performance.now();
   source = new EventSource("events");
+  source.onopen = () => { heardAt = performance.now(); connected = true; };
   const on = (name, take) => source.addEventListener(name, (e) => {
     heardAt = performance.now(); connected = true;
     const content = JSON.parse(e.data);
     order = order.then(() => take(content)).catch((error) => console.error(error));
   });
+  on("alive", () => {});
   on("picture", takePicture);
   on("place", takePlace);
   on("cells", takeCells);
@@ -186,7 +189,7 @@ function connect() {
     warnings = f.warnings.map((warning) => warning[language]);
   });
   on("waiting", (what) => { waiting = words.waiting.replace("{what}", what[language]); });
-  source.onerror = () => { connected = false; if (source.readyState === EventSource.CLOSED) setTimeout(connect, 1000); };
+  source.onerror = () => { connected = false; };
 }
 let warnings = [];
 const number = (value, digits) => value.toLocaleString(language, { minimumFractionDigits: digits, maximumFractionDigits: digits });
@@ -245,7 +248,9 @@ function say(age, now) {
   $("age").innerHTML = pose ? number(age, 1) + " <small>s</small>" : "–";
   const seconds = number(Math.round(pose ? age : silent), 0);
   let text = waiting;
-  if (heardAt && (!connected || silent > 3)) text = words.cut.replace("{age}", seconds);
+  // A link that is cut may leave the connection open for minutes, so that no error comes: then it is made anew.
+  if (silent > 5 || !connected) { if (now - triedAt > 2000) connect(); }
+  if (heardAt && (!connected || silent > 5)) text = words.cut.replace("{age}", seconds);
   else if (!text && pose && age > 2) text = words.stale.replace("{age}", seconds);
   else if (!text && warnings.length) text = warnings[0];
   $("alarm").textContent = text; $("alarm").hidden = !text;

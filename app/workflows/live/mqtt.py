@@ -71,5 +71,5 @@ class MqttOutlet:
         self.fault = None
         client.publish(f"{self._topic}/state", "online", retain=True)
 
-    def _gone(self, _client: object, _data: object, _flags: object, reason: Any, _properties: object) -> None:
-        self.fault = self.fault or Notice("live-mqtt", broker=self._broker, reason=str(reason))
+    def _gone(self, *_: object) -> None:
+        self.fault = self.fault or Notice("live-mqtt", broker=self._broker, reason="the connection was lost")

@@ -25,7 +25,8 @@ from furrowmap.workflows.live.background import BackgroundMap, kind_of
 QUEUED_MESSAGES: Final = 64
 """Messages that wait for a reader; one that falls further behind begins anew with a whole picture."""
 MAX_READERS: Final = 50
-KEEP_ALIVE_S: Final = 5.0
+KEEP_ALIVE_S: Final = 2.0
+"""A reader that hears nothing for some of these connects again: a link may be cut without an end of the connection."""
 TILE: Final = re.compile(r"/tiles/(\d{1,2})/(\d{1,8})/(\d{1,8})")
 
 
@@ -195,7 +196,7 @@ def serve_page(
                     try:
                         self.wfile.write(queue.get(timeout=KEEP_ALIVE_S))
                     except Empty:
-                        self.wfile.write(b": nothing new\n\n")
+                        self.wfile.write(event("alive", None))
             except OSError:  # the reader is gone
                 pass
             finally:

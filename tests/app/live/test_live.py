@@ -13,7 +13,7 @@ from functools import partial
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
 from threading import Event
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pynmeagps
@@ -38,6 +38,9 @@ from furrowmap.workflows.live.live import Outlets, in_languages
 from furrowmap.workflows.live.nmea import sentences
 from furrowmap.workflows.live.server import QUEUED_MESSAGES, Hub, Pictures, event, serve_lines, serve_page
 from furrowmap.workflows.record.network import PCAP_HEAD, PCAP_RECORD
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 
 def events(answer: HTTPResponse) -> Iterator[tuple[str, Any]]:
@@ -131,6 +134,25 @@ def test_page__is_whole_without_other_hosts_and_takes_no_commands() -> None:
             assert answer.status == 501
         reader.request("GET", "/../session.toml")
         assert reader.getresponse().status == 404
+
+
+def test_page__connects_again_where_the_link_was_cut_without_an_end_of_the_connection(browser: Browser) -> None:
+    joined = list[float]()
+
+    def first() -> bytes:
+        joined.append(time.monotonic())
+        return event("alive", None)
+
+    server = serve_page("127.0.0.1", 0, Hub(first), "en")
+    reader = browser.new_page()
+    reader.clock.install()
+    reader.goto(f"http://127.0.0.1:{server.server_address[1]}/")
+    for number in (1, 2):
+        assert any(len(joined) == number or reader.clock.run_for(100) for _ in range(100))
+        reader.clock.fast_forward(6_000)  # in which nothing is heard
+    reader.close()
+    server.shutdown()
+    server.server_close()
 
 
 def test_outlet__sends_sentences_that_another_reader_understands() -> None:
