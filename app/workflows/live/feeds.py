@@ -5,6 +5,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, Queue
@@ -106,10 +107,7 @@ class FolderFeed:
         """Read the recorder's status now and then."""
         if time.monotonic() - self._looked_s > STATUS_EVERY_S:
             self._looked_s = time.monotonic()
-            try:
-                self.status = json.loads((self._folder / "status.json").read_text("utf-8"))
-            except (OSError, ValueError):
-                self.status = {}
+            self.status = recorder_status(self._folder)
         if self._stop.is_set() or self.status.get("state") == "ended":
             self._over.set()
 
@@ -138,6 +136,14 @@ class FolderFeed:
                     # What was recorded before is not shown as now; the last seconds show what the clocks count from.
                     if not first or isinstance(data, bytes) or time.time() - due_s < 5.0:
                         self._queue.put((data, due_s))
+
+
+def recorder_status(folder: Path) -> dict[str, Any]:
+    """What the recorder says of itself; empty where it says nothing."""
+    with suppress(OSError, ValueError):
+        status: dict[str, Any] = json.loads((folder / "status.json").read_text("utf-8"))
+        return status
+    return {}
 
 
 def _chunks(source: Source) -> Iterator[bytes]:

@@ -4,7 +4,7 @@ import json
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +24,7 @@ from furrowmap.core.values.scan import Scan
 from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.worked_cells import MISSED, OVERLAP, WORKED, Tile
 from furrowmap.workflows.live.background import BackgroundMap, open_background
-from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed
+from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed, recorder_status
 from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.nmea import sentences
 from furrowmap.workflows.live.server import Hub, Pictures, event, serve_lines, serve_page
@@ -175,7 +175,8 @@ def _opened(file: Path, outlets: "Outlets", stop: Event) -> OpenSession | None:
             return open_session(file)
         except FurrowmapError as error:
             begun = file.exists() and FILL_IN not in error.what
-            outlets.wait_for(error if begun else InputError("live-nothing-yet"))
+            warnings = recorder_status(file.parent).get("warnings", ())
+            outlets.wait_for(error if begun else InputError("live-nothing-yet"), warnings)
         stop.wait(OPEN_EVERY_S)
     return None
 
@@ -197,9 +198,11 @@ class Outlets:
         if self.mqtt is not None:
             self.mqtt.publish(name, content)
 
-    def wait_for(self, error: FurrowmapError) -> None:
-        """Tell page and caller what is missing."""
-        self.page.publish(lambda: event("waiting", in_languages(error.what, error.code)))
+    def wait_for(self, error: FurrowmapError, warnings: Sequence[dict[str, str]] = ()) -> None:
+        """Tell page and caller what is missing, and the page what the recorder warns of."""
+        said = [in_languages(error.what, error.code), *(in_languages(w["text"], w["code"]) for w in warnings[:2])]
+        content = {language: " ".join(text[language] for text in said) for language in LANGUAGES}
+        self.page.publish(lambda: event("waiting", content))
         if self.on_scan is not None:
             self.on_scan({"waiting": error.what})
 

@@ -248,11 +248,13 @@ def test_waiting_and_warnings__are_said_in_the_languages_of_readers() -> None:
     joined = hub.join()
     assert joined is not None
     outlets, waits = Outlets(Pictures(), hub, Hub(), None, None, None), InputError("live-nothing-yet")
-    outlets.wait_for(waits)
-    said = json.loads(joined[1].get_nowait().decode().partition("data: ")[2])
-    assert said == {"en": waits.what, "ja": waits.lines_in("ja")[0]}
-    assert said["en"] != said["ja"]
     silent = Notice("record-silent", source="192.168.1.201", age_s=3.0)  # as the recorder's status has it
+    outlets.wait_for(waits, [{"code": silent.code, "text": silent.text}])
+    said = json.loads(joined[1].get_nowait().decode().partition("data: ")[2])
+    assert said == {
+        "en": f"{waits.what} {silent.text}",
+        "ja": f"{waits.lines_in('ja')[0]} {silent.text_in('ja')}",
+    }
     assert in_languages(silent.text, silent.code) == {"en": silent.text, "ja": silent.text_in("ja")}
 
 
