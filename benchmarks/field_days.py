@@ -13,7 +13,7 @@ from time import process_time
 import numpy as np
 
 from furrowmap.core.readers.isoxml.content import open_task_files
-from furrowmap.core.readers.isoxml.tasks import read_tasks
+from furrowmap.core.readers.isoxml.log import read_tasks
 from furrowmap.core.work.task_work import task_works
 
 HARVEST = Path(__file__).resolve().parents[2] / "shared" / "data" / "isoxml" / "field_days" / "harvest_21_fields"

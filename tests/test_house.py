@@ -111,7 +111,7 @@ BOUNDARIES = {
     "japan_geoid": ["core.geodesy.projection"],
     "rasterio": [
         *("core.readers.geotiff", "core.readers.las.cloud", "core.readers.ouster.osf"),
-        "core.checking.surface_at_points",
+        "core.checking.point_check",
         *("core.surfaces.terrain", "results", "workflows.clouds.rasters", "workflows.clouds.surface"),
         "cli.main",  # its version
     ],

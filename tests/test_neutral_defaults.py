@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
-HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/simulator/flight_scenario.py")
+HELD_BY_PAGES: Final = ("core/simulator/scenario.py",)
 
 EVERY_ONE: Final = {
     "core/pointclouds/cleaning_steps.py Cleaning.every": 1,

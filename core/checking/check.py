@@ -14,8 +14,13 @@ import numpy as np
 import pyproj
 
 from furrowmap.core.checking.cloud_at_points import Targets, cloud_at_points
-from furrowmap.core.checking.point_check import InternalPrecision, PointCheck, ProductAtPoints, rounded
-from furrowmap.core.checking.surface_at_points import surface_at_points
+from furrowmap.core.checking.point_check import (
+    InternalPrecision,
+    PointCheck,
+    ProductAtPoints,
+    rounded,
+    surface_at_points,
+)
 from furrowmap.core.readers.las.header import SIGNATURE
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray

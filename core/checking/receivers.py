@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.checking.evaluation import Evaluation, evaluate
-from furrowmap.core.checking.matching import at_rest
+from furrowmap.core.checking.evaluation import Evaluation, at_rest, evaluate
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions, open_recording
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent

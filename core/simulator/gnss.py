@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.noise import FloatArray, gauss_markov, random_for
-from furrowmap.core.simulator.scenario import Receiver, Scenario
+from furrowmap.core.simulator.scenario import Receiver, Scenario, Vector3
 from furrowmap.core.simulator.site import SimulatedSite
-from furrowmap.core.simulator.table import Vector3
 
 FIXED_QUALITY: Final = 4
 FLOAT: Final = 5

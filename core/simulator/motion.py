@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack
-from furrowmap.core.simulator.flight_scenario import MovingMount
 from furrowmap.core.simulator.noise import FloatArray, band_noise, random_for
-from furrowmap.core.simulator.scenario import Sway, Tractor
+from furrowmap.core.simulator.scenario import MovingMount, Sway, Tractor
 from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.simulator.soil import Ground, ground_height
 

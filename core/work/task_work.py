@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.geodesy.crs_choice import choose_crs
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.isoxml.content import open_task_files
-from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
+from furrowmap.core.readers.isoxml.log import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.trajectory.from_course import CourseTrajectory, trajectory_from_course

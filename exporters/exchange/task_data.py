@@ -17,7 +17,7 @@ from pyproj import CRS, Geod
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.isoxml.content import MAIN
-from furrowmap.core.readers.isoxml.tasks import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
+from furrowmap.core.readers.isoxml.log import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
 from furrowmap.core.readers.isoxml.time_log import EPOCH_S
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.arrays import FloatArray

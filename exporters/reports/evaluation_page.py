@@ -10,8 +10,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import shapely
 
-from furrowmap.core.checking.evaluation import Evaluation
-from furrowmap.core.checking.statistics import DEFINITIONS, QUANTILES, ErrorTable
+from furrowmap.core.checking.evaluation import DEFINITIONS, QUANTILES, ErrorTable, Evaluation
 from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.json_text import json_text

@@ -11,7 +11,7 @@ from pyproj import CRS
 
 from furrowmap.core.checking.check import Component
 from furrowmap.core.checking.cloud_at_points import local_plane
-from furrowmap.core.checking.surface_at_points import surface_at_points
+from furrowmap.core.checking.point_check import surface_at_points
 from furrowmap.core.geodesy.coordinates import check_datum
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.trajectory.motion import _runs

@@ -17,7 +17,7 @@ import numpy as np
 import tomli_w
 
 from furrowmap.core.checking.check import CHECK_POINTS_OFF, HeldHeights
-from furrowmap.core.checking.surface_at_points import surface_at_points
+from furrowmap.core.checking.point_check import surface_at_points
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.crops.placement import ParcelShift
 from furrowmap.core.features.cloud_features import FoundFeatures, classify_features, measure_density

@@ -15,7 +15,7 @@ import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.checking.surface_at_points import surface_at_points
+from furrowmap.core.checking.point_check import surface_at_points
 from furrowmap.core.dates.network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
 from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair, tie_points
 from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights

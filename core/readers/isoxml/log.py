@@ -1,22 +1,358 @@
-"""ISO 11783-10 task data as a recording: positions and working states of the machine."""
+"""ISO 11783-10 task data as a recording: positions and working states of the machine.
 
-from collections.abc import Sequence
+The tasks of a set become drives: logs joined, times in UTC, working states, widths and area counters.
+"""
+
+import datetime as dt
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from furrowmap.core.readers.facts import position_facts, timing_facts, utc_facts
-from furrowmap.core.readers.isoxml.content import MAIN, TaskData, is_task_data, open_task_files
-from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
+from furrowmap.core.readers.facts import drop_implausible_positions, position_facts, timing_facts, utc_facts
+from furrowmap.core.readers.isoxml.content import (
+    MAIN,
+    PARALLEL,
+    DeviceElement,
+    Partfield,
+    Task,
+    TaskData,
+    TaskFiles,
+    is_task_data,
+    open_task_files,
+    read_content,
+)
+from furrowmap.core.readers.isoxml.time_log import TimeLog, read_time_log
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.gnss import GnssTrack, assumed_sigma_m
+from furrowmap.core.values.gnss import Fix, GnssTrack, assumed_sigma_m
 from furrowmap.core.values.scan import Clock, ClockReading
+from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M
 from furrowmap.core.values.tool_states import ToolState, ToolStates
+
+ACTUAL_WIDTH: Final = 67
+"""Actual working width, mm; the numbers are those of ISO 11783-11's data dictionary."""
+WORK_STATE: Final = 141
+"""Actual work state: 0 off, 1 on, 2 error, 3 not installed."""
+CONDENSED_STATES: Final = range(161, 177)
+"""Actual condensed work state of sections 1 to 16, 17 to 32 and so on: two bits each, with the same meaning."""
+SECTIONS_EACH: Final = 16
+TOTAL_AREA: Final = 116
+"""m²"""
+EFFECTIVE_DISTANCE: Final = 117
+"""mm, as 118, the ineffective one."""
+EFFECTIVE_TIME: Final = 119
+"""s, as 120, the ineffective one."""
+
+
+def _logged_work(
+    log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]
+) -> tuple[NDArray[np.int8], FloatArray, float]:
+    """States (n,), width (n,; nan where not logged), and increase of the area counter (nan without) in a time log."""
+    states = _states(log, elements, notices)
+    state = np.full(len(log), ToolState.UNKNOWN, np.int8)
+    if states:
+        table = np.stack(list(states.values()))
+        state[(table == ToolState.UP).any(axis=0)] = ToolState.UP
+        state[(table == ToolState.DOWN).any(axis=0)] = ToolState.DOWN
+    width = _width(log, elements, states, state == ToolState.DOWN, notices)
+    state[(state == ToolState.DOWN) & (width == 0.0)] = ToolState.UP
+    gains = {
+        element: np.nanmax(values) - np.nanmin(values)
+        for element, values in log.values_of(TOTAL_AREA)
+        if np.isfinite(values).any()
+    }
+    topmost = [gain for element, gain in gains.items() if not set(_ancestors(element, elements)) & gains.keys()]
+    return state, width, float(max(topmost, default=np.nan))
+
+
+def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]) -> dict[str, NDArray[np.int8]]:
+    """The state (n,) of each of the smallest device elements that have one."""
+    own = {
+        element: np.select([raw == 0, raw == 1], [ToolState.UP, ToolState.DOWN], ToolState.UNKNOWN).astype(np.int8)
+        for element, raw in log.values_of(WORK_STATE)
+    }
+    sections = _section_states(log)
+    for element, any_on in sections.items():
+        if not (any_on == ToolState.DOWN).any() and (own.get(element, any_on) == ToolState.DOWN).any():
+            notices.append(Notice("sections-contradicted", log=log.name, element=element))
+        elif element in own:
+            own[element] = np.where(any_on == ToolState.UP, ToolState.UP, own[element]).astype(np.int8)
+        else:
+            own[element] = any_on
+    above = {parent for element in own for parent in _ancestors(element, elements)}
+    return {element: state for element, state in own.items() if element not in above}
+
+
+def _section_states(log: TimeLog) -> dict[str, NDArray[np.int8]]:
+    """For each element with condensed states, whether any of its sections works (n,)."""
+    found: dict[str, NDArray[np.int8]] = {}
+    for ddi in CONDENSED_STATES:
+        for element, bits in log.values_of(ddi):
+            known = np.isfinite(bits)
+            pairs = np.where(known, bits, 0).astype(np.int64)[:, None] >> (2 * np.arange(SECTIONS_EACH)) & 3
+            state = np.where((pairs == 1).any(axis=1), ToolState.DOWN, ToolState.UP)
+            state = np.where(known, state, ToolState.UNKNOWN).astype(np.int8)
+            found[element] = np.maximum(found[element], state) if element in found else state
+    return found
+
+
+def _width(
+    log: TimeLog,
+    elements: Mapping[str, DeviceElement],
+    states: Mapping[str, NDArray[np.int8]],
+    at_work: NDArray[np.bool_],
+    notices: list[Notice],
+) -> FloatArray:
+    """The working width (n,): the sum of the sections at work, or the width of the widest function."""
+    widths = {element: raw / 1000.0 for element, raw in log.values_of(ACTUAL_WIDTH)}
+    wrong = sum(int(np.sum((values < 0.0) | (values > MAX_IMPLEMENT_WIDTH_M))) for values in widths.values())
+    if wrong:
+        notices.append(Notice("width-implausible", log=log.name, wrong=wrong, widest_m=MAX_IMPLEMENT_WIDTH_M))
+    widths = {
+        element: np.where((values >= 0.0) & (values <= MAX_IMPLEMENT_WIDTH_M), values, np.nan)
+        for element, values in widths.items()
+    }
+    topmost = [element for element in widths if not set(_ancestors(element, elements)) & widths.keys()]
+    sections = [e for e in topmost if e in elements and elements[e].kind in PARALLEL]
+    width = np.full(len(log), np.nan)
+    parallel = np.zeros(len(log))
+    for element in topmost:
+        if element in sections:
+            working = states[element] == ToolState.DOWN if element in states else at_work
+            parallel += np.where(working & np.isfinite(widths[element]), widths[element], 0.0)
+        else:
+            width = np.fmax(width, widths[element])
+    return np.fmax(width, parallel) if sections else width
+
+
+def _ancestors(element: str, elements: Mapping[str, DeviceElement]) -> list[str]:
+    """Ids of the parents of an element, the direct one first."""
+    found: list[str] = []
+    while element in elements and (element := elements[element].parent) and element not in found:
+        found.append(element)
+    return found
+
+
+MAX_HOLD_S: Final = 15.0
+"""Longest time that a state is assumed to last without another record."""
+QUARTER_S: Final = 900.0
+MAX_ZONE_S: Final = 15 * 3600.0
+"""Largest offset of a time zone; a GPS time that differs more from the terminal's clock is invalid."""
+STEADY_S: Final = 2.0
+NMEA2000_FIXES: Final = {
+    1: Fix.SINGLE, 2: Fix.DGPS, 3: Fix.PPS, 4: Fix.FIXED, 5: Fix.FLOAT, 6: Fix.ESTIMATED, 7: Fix.MANUAL,
+    8: Fix.SIMULATED,
+}  # fmt: skip
+"""Fix of the codes of NMEA 2000."""
+
+
+@dataclass(frozen=True)
+class LoggedTask:
+    """A task and the n records with a position in its time logs, in the order of time.
+
+    Attributes:
+        state: (n,) int8, values of :class:`ToolState`.
+        width_m: (n,) working width; nan where unknown.
+        states: states of all records, also those without a position.
+        counted_m2: increase of the machine's area counter, summed over all logs; nan if it has none.
+        local_minus_utc_s: what was subtracted from the terminal's clock; nan if it is unknown and 0 was used.
+    """
+
+    id: str
+    name: str
+    field: Partfield | None
+    track: GnssTrack
+    state: NDArray[np.int8]
+    width_m: FloatArray
+    states: ToolStates
+    counted_m2: float
+    local_minus_utc_s: float
+    logs: tuple[str, ...]
+    notices: tuple[Notice, ...]
+
+
+def read_tasks(files: TaskFiles, only: str | None = None) -> tuple[TaskData, list[LoggedTask]]:
+    """The content of a set of task data, and its tasks that have a time log, or the one with an id or name.
+
+    InputError if the set cannot be read, or has no such task. A time log that cannot be read is only a notice.
+    """
+    content = read_content(files)
+    wanted = [task for task in content.tasks if only is None or only in (task.id, task.name)]
+    if only is not None and not wanted:
+        known = ", ".join(f"{task.id} ({task.name})" for task in content.tasks) or "none"
+        raise InputError("no-such-task", files=files.path, only=only, known=known)
+    return content, [_read_task(files, content, task) for task in wanted if task.logs]
+
+
+def _read_task(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
+    notices: list[Notice] = []
+    logs = []
+    for name in task.logs:
+        try:
+            log = read_time_log(files.read(f"{name}.XML"), files.read(f"{name}.BIN"), files.named(name))
+        except InputError as error:
+            notices.append(Notice("time-log-lost", lines=error.lines[0], id=task.id))
+            continue
+        notices += log.notices
+        if len(log):
+            logs.append(log)
+        else:
+            notices.append(Notice("time-log-empty", name=files.named(name)))
+    logs.sort(key=lambda log: log.clock_s[0])
+    local_s = _local_minus_utc_s(files.named(task.id), logs, task, notices)
+    work = [_logged_work(log, content.elements, notices) for log in logs]
+    all_states = np.concatenate([np.zeros(0, np.int8), *(state for state, _, _ in work)])
+    all_widths = np.concatenate([np.zeros(0), *(width_m for _, width_m, _ in work)])
+    counted = [counted_m2 for _, _, counted_m2 in work if np.isfinite(counted_m2)]
+    track, state, width, states = _join_logs(files.named(task.id), logs, all_states, all_widths, local_s, notices)
+    if not len(track):
+        notices.append(Notice("no-positions.logged", id=files.named(task.id)))
+    return LoggedTask(
+        id=task.id,
+        name=task.name,
+        field=content.partfields.get(task.partfield),
+        track=track,
+        state=state,
+        width_m=width,
+        states=states,
+        counted_m2=float(sum(counted)) if counted else float("nan"),
+        local_minus_utc_s=local_s,
+        logs=task.logs,
+        notices=tuple(notices),
+    )
+
+
+def _join_logs(
+    name: str,
+    logs: Sequence[TimeLog],
+    state: NDArray[np.int8],
+    width_m: FloatArray,
+    local_s: float,
+    notices: list[Notice],
+) -> tuple[GnssTrack, NDArray[np.int8], FloatArray, ToolStates]:
+    """Positions, state and width of records with a position, and the states of all; of equal times the last counts."""
+
+    def column(name: str) -> FloatArray:
+        return np.concatenate([np.zeros(0), *(getattr(log, name) for log in logs)])
+
+    clock_s = column("clock_s")
+    forward = np.flatnonzero(clock_s >= np.maximum.accumulate(clock_s))
+    if len(forward) < len(clock_s):
+        notices.append(Notice("time-backwards", name=name, n=len(clock_s) - len(forward)))
+    last = forward[np.diff(clock_s[forward], append=np.inf) > 0]
+    t_s = clock_s - (local_s if np.isfinite(local_s) else 0.0)
+    states = _intervals(t_s[last], state[last])
+    lat = column("lat_deg")
+    placed = last[np.isfinite(lat[last])]
+    missing = len(last) - len(placed)
+    if missing and len(placed):
+        notices.append(Notice("positions-missing", name=name, missing=missing, last=len(last)))
+    status = column("status")[placed].astype(np.int64)
+    if len(placed) and (status < 0).any():
+        notices.append(Notice("quality-unknown", name=name, status=int((status < 0).sum())))
+    track = GnssTrack.build(
+        t_s[placed],
+        source=name,
+        lon_deg=column("lon_deg")[placed],
+        lat_deg=lat[placed],
+        height_m=column("up_m")[placed],
+        fix=np.array([NMEA2000_FIXES.get(code, Fix.SINGLE) for code in status.tolist()], np.int8),
+        satellites=column("satellites")[placed],
+        hdop=column("hdop")[placed],
+    )
+    width = width_m[placed]
+    try:
+        track, here, dropped = drop_implausible_positions(track)
+    except InputError as error:
+        track, here, dropped = track[:0], np.zeros(len(track), bool), [Notice.from_error(error)]
+    notices += dropped
+    return track, state[placed][here], width[here], states
+
+
+def _intervals(t_s: FloatArray, state: NDArray[np.int8]) -> ToolStates:
+    """The state of each record until the next, unknown beyond MAX_HOLD_S; a change is uniformly distributed between."""
+    step = np.diff(t_s)
+    near = step <= MAX_HOLD_S
+    begins = np.ones(len(t_s), bool)
+    begins[1:] = (state[1:] != state[:-1]) | ~near
+    first = np.flatnonzero(begins)
+    last = np.append(first[1:] - 1, len(t_s) - 1) if len(first) else first
+    ends = [t_s[k + 1] if k + 1 < len(t_s) and near[k] else t_s[k] for k in last.tolist()]
+    linked = np.append(False, near)
+    slip = np.append(0.0, step) / np.sqrt(3.0)
+    begin_sigma = [slip[k] if linked[k] else (0.0 if k == 0 else np.nan) for k in first.tolist()]
+    end_sigma = [slip[k + 1] if k + 1 < len(t_s) and near[k] else (0.0 if k + 1 == len(t_s) else np.nan) for k in last]
+    begin, end = t_s[first], np.array(ends, np.float64)
+    known = (state[first] != ToolState.UNKNOWN) & (end > begin)
+    return ToolStates(
+        begin_s=begin[known],
+        end_s=end[known],
+        state=state[first][known],
+        confidence=np.ones(int(known.sum())),
+        begin_sigma_s=np.array(begin_sigma, np.float64)[known],
+        end_sigma_s=np.array(end_sigma, np.float64)[known],
+    )
+
+
+def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: list[Notice]) -> float:
+    """Terminal's clock minus UTC, from the records' GPS times, or from the time zone of the task's times; else nan."""
+    ahead = np.concatenate([log.clock_s - log.gps_s for log in logs]) if logs else np.zeros(0)
+    ahead = ahead[np.isfinite(ahead)]
+    if len(ahead):
+        middle = float(np.median(ahead))
+        steady = float(np.median(np.abs(ahead - middle))) < STEADY_S
+        if steady and abs(middle) < MAX_ZONE_S:
+            if abs(middle) > STEADY_S:
+                notices.append(Notice("clock-by-gps", name=name, middle=middle))
+            return middle
+        notices.append(Notice("gps-time-unused", name=name, middle=abs(middle)))
+    local_s = _zone_s(logs, task)
+    if local_s is not None:
+        return local_s
+    if logs:
+        notices.append(Notice("local-time", name=name))
+    return float("nan")
+
+
+def _zone_s(logs: Sequence[TimeLog], task: Task) -> float | None:
+    """Terminal's clock minus UTC, in quarters of an hour, from the time zones of the task's times; None without."""
+    zoned = []
+    for begin in task.begins:
+        with suppress(ValueError):
+            zoned.append(dt.datetime.fromisoformat(begin))
+    zoned = [when for when in zoned if when.tzinfo is not None]
+    for when in zoned:
+        zone_s = (when.utcoffset() or dt.timedelta()).total_seconds()
+        face_s = when.timestamp() + zone_s
+        if any(log.clock_s[0] - QUARTER_S < face_s < log.clock_s[-1] + QUARTER_S for log in logs):
+            return zone_s
+    if not zoned or not logs:
+        return None
+
+    def from_quarter(seconds: float) -> float:
+        return abs(seconds - QUARTER_S * round(seconds / QUARTER_S))
+
+    off = [min((log.clock_s[0] - when.timestamp() for when in zoned), key=from_quarter) for log in logs]
+    local_s = QUARTER_S * round(float(np.median(off)) / QUARTER_S)
+    return local_s if abs(local_s) < MAX_ZONE_S else None
+
+
+def whole_width_m(tasks: Sequence[LoggedTask]) -> float:
+    """Width of the machine: the largest working width in any of the tasks, or logged; nan if there is none."""
+    for chosen in ([task.width_m[task.state == ToolState.DOWN] for task in tasks], [task.width_m for task in tasks]):
+        width = np.concatenate([np.zeros(0), *chosen])
+        if (width > 0.0).any():
+            return float(np.nanmax(width))
+    return float("nan")
+
 
 LATE_S: Final = 0.1
 """Half of the interval of receivers with 5 Hz, which terminals have."""

@@ -19,7 +19,7 @@ from pyproj import CRS, Transformer
 
 from furrowmap.cli.main import command_line
 from furrowmap.core.checking.check import Component, HeldHeights, check_product
-from furrowmap.core.checking.surface_at_points import surface_at_points
+from furrowmap.core.checking.point_check import surface_at_points
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError

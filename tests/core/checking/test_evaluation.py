@@ -14,10 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
-from furrowmap.core.checking.evaluation import Continuity, Evaluation, evaluate
-from furrowmap.core.checking.matching import match
+from furrowmap.core.checking.evaluation import Continuity, ErrorStatistics, Evaluation, evaluate, match, outliers, table
 from furrowmap.core.checking.receivers import evaluate_logs
-from furrowmap.core.checking.statistics import ErrorStatistics, outliers, table
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 

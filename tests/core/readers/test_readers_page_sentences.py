@@ -15,7 +15,7 @@ from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from furrowmap.core.readers.isoxml.content import open_task_files
-from furrowmap.core.readers.isoxml.tasks import read_tasks
+from furrowmap.core.readers.isoxml.log import read_tasks
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
 from furrowmap.core.readers.rosbag.clouds import CloudScans
 from furrowmap.core.readers.rosbag.storage import BagMessage

@@ -13,7 +13,7 @@ from isoxml.util.isoxml_io import isoxml_from_path
 from pyproj import Geod
 
 from furrowmap.core.readers.isoxml.content import open_task_files
-from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
+from furrowmap.core.readers.isoxml.log import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.tool_states import ToolState

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.readers.isoxml.content import open_task_files
-from furrowmap.core.readers.isoxml.log import TaskDataLog
-from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
+from furrowmap.core.readers.isoxml.log import LoggedTask, TaskDataLog, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
