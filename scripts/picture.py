@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.exporters.files.ogr import pyogrio
+from furrowmap.exporters.files.vector_layers import pyogrio
 
 FloatArray = NDArray[np.float64]
 

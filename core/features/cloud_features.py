@@ -16,15 +16,16 @@ from furrowmap.core.features.classification import Classified, FeatureTile, clas
 from furrowmap.core.features.objects import (
     LineObject,
     PlanePiece,
+    Plants,
     ground_lines,
     is_rim,
     join_lines,
     line_objects,
     outline_plane,
     plane_foot,
+    plants,
 )
 from furrowmap.core.features.planes import Plane
-from furrowmap.core.features.plants import Plants, plants
 from furrowmap.core.pointclouds.cleaning import SquareSpool, blocks, classified_spool, squares_around
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds

@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.record_spool import Square
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.ground import tiles
 from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool, TilePoints
-from furrowmap.core.surfaces.tiles import tiles
 
 Outliers = Literal["none", "radius", "statistical"]
 

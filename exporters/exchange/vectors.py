@@ -33,11 +33,10 @@ from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output, name_failed_file
 from furrowmap.exporters.files.csv_cells import cell
-from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, TRAJECTORY
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.files.vector_layers import geodataframe, write_vector_layer
+from furrowmap.exporters.files.vector_layers import geodataframe, pyogrio, write_vector_layer
 from furrowmap.exporters.share.symbols import PLAIN_SYMBOL, Symbol, layer_style
 from furrowmap.exporters.vectors.geopackage import write_styles
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, LAYER_NAMES, VALUES

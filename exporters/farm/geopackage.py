@@ -34,7 +34,7 @@ from furrowmap.exporters.farm.memory import DERIVED
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.ogr import pyogrio, unflushed
+from furrowmap.exporters.files.vector_layers import pyogrio, unflushed
 from furrowmap.exporters.vectors.field_layers import Columns, Layer
 from furrowmap.exporters.vectors.geopackage import GEOMETRY, read_layer, store_styles, write_layer
 

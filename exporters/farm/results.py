@@ -21,7 +21,6 @@ from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
-from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.result_folder import (
     FIELD,
     REPORT,
@@ -31,6 +30,7 @@ from furrowmap.exporters.files.result_folder import (
     open_result,
     reading_result,
 )
+from furrowmap.exporters.files.vector_layers import pyogrio
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, hull, track_lines
 from furrowmap.exporters.vectors.geopackage import read_layer
 

@@ -250,7 +250,7 @@ def result_origin(report: dict[str, Any], name: str = "") -> Origin:
 
 def open_result(folder: Path) -> ResultFolder:
     """Open a result; raises InputError if there is none or it cannot be read, RefusedError while a run is writing."""
-    from furrowmap.exporters.files.ogr import pyogrio
+    from furrowmap.exporters.files.vector_layers import pyogrio
 
     recover(folder)
     for name in (REPORT, FIELD):

@@ -14,10 +14,30 @@ from pyproj import CRS
 
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.exporters.files.ogr import pyogrio
 
 if TYPE_CHECKING:
     import geopandas
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pyogrio
+import pyogrio.raw
+
+pyogrio.set_gdal_config_options({"GDAL_PAM_ENABLED": False})
+
+__all__ = ["pyogrio", "unflushed"]
+
+
+@contextmanager
+def unflushed() -> Iterator[None]:
+    """Within it, GDAL does not wait for the disk after each transaction: for a file that is flushed as a whole."""
+    pyogrio.set_gdal_config_options({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
+    try:
+        yield
+    finally:
+        pyogrio.set_gdal_config_options({"OGR_SQLITE_SYNCHRONOUS": None})
+
 
 UTC_OFFSET: Final = 100
 """OGR's time zone code of UTC (0 unknown, 1 local, 100 UTC)."""

@@ -13,7 +13,6 @@ from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import printable
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.qgis_project import (
     ProjectLayer,
     project_root,
@@ -31,6 +30,7 @@ from furrowmap.exporters.files.result_folder import (
     packaged_styles,
     unreadable,
 )
+from furrowmap.exporters.files.vector_layers import pyogrio
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.features import HIDDEN_AT_FIRST, moment_s

@@ -20,9 +20,8 @@ from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.csv_cells import cell, write_workbook
 from furrowmap.exporters.files.vector_layers import write_vector_layer
-from furrowmap.exporters.files.workbook import write_workbook
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts
 
 PARCELS_LAYER: Final = "parcels"

@@ -8,11 +8,10 @@ import numpy as np
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.features.objects import LineObject, PlanePiece
-from furrowmap.core.features.plants import Plants
+from furrowmap.core.features.objects import LineObject, PlanePiece, Plants
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.ogr import unflushed
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.vector_layers import unflushed
 from furrowmap.exporters.vectors.field_layers import Layer, geometry_array, numbers, texts
 from furrowmap.exporters.vectors.geopackage import write_styled_layers
 

@@ -27,9 +27,8 @@ from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.surfaces.gaps import bridged, filled
-from furrowmap.core.surfaces.ground import Smrf, classify_ground, cloth_ground, ground_cells
+from furrowmap.core.surfaces.ground import Smrf, classify_ground, cloth_ground, ground_cells, tiles
 from furrowmap.core.surfaces.outliers import mean_distance_to, mean_neighbour_distance, radius_outliers
-from furrowmap.core.surfaces.tiles import tiles
 from furrowmap.core.trajectory.positions import fixes_from_labels
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.crs import datum_shift_m

@@ -42,8 +42,8 @@ from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.vectors import FORMATS, write_vectors
 from furrowmap.exporters.farm import geopackage
+from furrowmap.exporters.files.csv_cells import require_workbook
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.workbook import require_workbook
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_nmea import sentence
 from tests.core.test_refusals import par, refusal

@@ -11,7 +11,7 @@ import pytest
 from furrowmap.core.adjustment.steps import COARSE_EVERY
 from furrowmap.core.estimation.knots import KNOT_STEP_S, knots_over
 from furrowmap.core.matching.portions import windows
-from furrowmap.core.pointclouds import far_points
+from furrowmap.core.pointclouds.clouds import FAR_GAP_M
 from furrowmap.core.readers.rosbag import clouds
 from furrowmap.core.runtime import memory, settings
 from furrowmap.core.runtime.errors import RefusedError
@@ -105,7 +105,7 @@ def test_reliability_page__points_in_memory() -> None:
     ("page", "sentence", "value"),
     [
         ("CHANGELOG.md", "infinite, farther than {} km or apart in time", clouds.MAX_RANGE_M / 1000.0),
-        ("CHANGELOG.md", "a few points of a LAS cloud more than {} km from all others", far_points.FAR_GAP_M / 1000.0),
+        ("CHANGELOG.md", "a few points of a LAS cloud more than {} km from all others", FAR_GAP_M / 1000.0),
         ("CHANGELOG.md", "`[implement] width_m` is at most {} m", MAX_IMPLEMENT_WIDTH_M),
         ("docs/reference/session.md", "more than {} m is an error", MAX_PLACE_M),
         ("docs/explanation/files.md", "if its heartbeat does not change for {} s", MAX_SILENCE_S),

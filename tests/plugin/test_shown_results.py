@@ -21,7 +21,7 @@ from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.exporters.files.result_folder import ResultFolder, open_result
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.share import page as page_module
-from furrowmap.exporters.share.shown_layers import JAPANESE
+from furrowmap.exporters.share.field_project import JAPANESE
 from tests.exporters.reports.page_texts import texts
 from tests.exporters.vectors.test_style_words import SYMBOLS
 from tests.test_end_to_end import session_folder

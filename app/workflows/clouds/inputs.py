@@ -8,8 +8,7 @@ from typing import Any
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, clip_clouds, open_clouds
-from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, clip_clouds, near_box, open_clouds
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.json_text import json_text, plain

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.stand import Stand, stand_of
 from furrowmap.core.geodesy.projection import scale_at
-from furrowmap.core.pointclouds.clouds import Clouds, no_points_error
-from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.pointclouds.clouds import Clouds, near_box, no_points_error
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
 from furrowmap.core.readers.areas.rings import ring_at, rings_of

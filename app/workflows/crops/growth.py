@@ -20,6 +20,7 @@ from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import Parcel
+from furrowmap.exporters.files.csv_cells import write_workbook
 from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
@@ -30,7 +31,6 @@ from furrowmap.exporters.files.result_folder import (
     GROWTH_WORKBOOK,
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
-from furrowmap.exporters.files.workbook import write_workbook
 from furrowmap.exporters.vectors.crop_layers import growth_layer, write_parcel_table
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.geopackage import write_styled_layers

@@ -37,9 +37,8 @@ from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.csv_cells import cell, write_workbook
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.files.workbook import write_workbook
 from furrowmap.exporters.reports.trial_charts import ParcelValues, category_chart, response_chart, standalone
 from furrowmap.settings import ResponseSettings
 

@@ -32,9 +32,9 @@ from furrowmap.exporters.farm.project import (
     background_layer,
     layer_title,
     project_archive,
+    styles,
 )
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, SessionResult, drawing_order, read_result, read_tasks
-from furrowmap.exporters.farm.styling import styles
 from furrowmap.exporters.files.qgis_project import ProjectLayer
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.field_layers import concatenate_layers

@@ -20,7 +20,6 @@ from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.exchange.stac import session_identifier
 from furrowmap.exporters.farm.results import local_date, zone_of
 from furrowmap.exporters.farm.surface_file import horizontal, same_map
-from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.result_folder import (
     CHANGE,
     CLOUD,
@@ -33,6 +32,7 @@ from furrowmap.exporters.files.result_folder import (
     open_result,
     reading_result,
 )
+from furrowmap.exporters.files.vector_layers import pyogrio
 
 PASSES: Final = "passes"
 Box = tuple[float, float, float, float]

@@ -7,7 +7,7 @@ from furrowmap.core.session.file import load_session
 from furrowmap.core.session.frames import FrameTree, frame_tree
 from furrowmap.core.session.opened import resolve
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.reports.frames_drawing import frames_svg
+from furrowmap.exporters.reports.drawings import frames_svg
 
 
 def frames(session: str | Path, svg: str | Path | None = None) -> FrameTree:

@@ -36,18 +36,16 @@ from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.rasters.dated_surface import (
-    DatedSurface,
-    OpenSurface,
-    dated_surface,
-    open_surface,
-    resample_surface,
-)
 from furrowmap.exporters.rasters.tied_surfaces import (
     ChangedGround,
     ChangeFigures,
+    DatedSurface,
     Mover,
+    OpenSurface,
+    dated_surface,
     ground_pairs,
+    open_surface,
+    resample_surface,
     tie_layers,
     union_shapes,
     write_change,

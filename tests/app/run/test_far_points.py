@@ -10,8 +10,7 @@ import pytest
 from pyproj import CRS
 
 import furrowmap
-from furrowmap.core.pointclouds.clouds import open_clouds
-from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.pointclouds.clouds import near_box, open_clouds
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.values.session import FeatureSearch
 from furrowmap.workflows.run.products import run_features

@@ -19,8 +19,7 @@ from furrowmap.core.features.classification import (
     greenness,
     vote_classes,
 )
-from furrowmap.core.features.objects import PlanePiece, join_planes, outline_plane, plane_foot
-from furrowmap.core.features.plants import plants
+from furrowmap.core.features.objects import PlanePiece, join_planes, outline_plane, plane_foot, plants
 from furrowmap.core.surfaces.ground import classify_ground
 
 CELL_M = 0.06

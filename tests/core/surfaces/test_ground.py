@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.surfaces.ground import GroundMethod, Smrf, classify_ground, ground_cells
-from furrowmap.core.surfaces.tiles import tiles
+from furrowmap.core.surfaces.ground import GroundMethod, Smrf, classify_ground, ground_cells, tiles
 
 Scene: TypeAlias = tuple[NDArray[np.float64], NDArray[np.bool_]]
 

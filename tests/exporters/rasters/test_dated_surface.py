@@ -16,7 +16,7 @@ from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import ResultFolder, open_result
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Bands, with_heights
-from furrowmap.exporters.rasters.dated_surface import (
+from furrowmap.exporters.rasters.tied_surfaces import (
     ERROR_INDEX,
     SPREAD_INDEX,
     cells_inside,

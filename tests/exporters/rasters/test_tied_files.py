@@ -17,11 +17,12 @@ from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import tied_surfaces
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, with_heights
-from furrowmap.exporters.rasters.dated_surface import OpenSurface, open_surface
 from furrowmap.exporters.rasters.tied_surfaces import (
     ChangedGround,
     Mover,
+    OpenSurface,
     ground_pairs,
+    open_surface,
     union_shapes,
     write_change,
     write_moved,

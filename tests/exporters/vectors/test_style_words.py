@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from furrowmap.core.runtime.settings import using
-from furrowmap.exporters.farm.styling import styles
+from furrowmap.exporters.farm.project import styles
 from furrowmap.exporters.vectors.qgis_styles import in_language, write_raster_style
 
 FOLDERS = ("furrowmap.exporters", "furrowmap.exporters.farm")
