@@ -96,14 +96,11 @@ def known_layer(key: str) -> QgsRasterLayer | None:
 
 
 def own_layer(own: str, attribution: str = "") -> QgsRasterLayer:
-    """The layer of a map of the user: tiles by URL, or a file.
+    """The layer of a map of the user: tiles by URL, or a file; raises ValueError if `own` is none of these.
 
     Args:
         own: the URL of tiles (XYZ, or RESTful WMTS in Web Mercator), an MBTiles file or another raster.
         attribution: "" for what the file states.
-
-    Raises:
-        ValueError: if `own` is none of these.
     """
     own = own.strip()
     tiles = own

@@ -57,7 +57,7 @@ def run_command(
     on_message: Callable[[dict[str, Any]], None],
     is_cancelled: Callable[[], bool],
 ) -> Any:
-    """Run one command in a worker.
+    """Run one command in a worker; raises WorkerCancelled if the user cancelled it, WorkerError if it failed.
 
     Args:
         on_message: is called with each message except hello, result, error and done.
@@ -65,10 +65,6 @@ def run_command(
 
     Returns:
         The command's answer, as with `--json`.
-
-    Raises:
-        WorkerCancelled: if the user cancelled it.
-        WorkerError: if it failed.
     """
     conversation = _Conversation(program, on_message, is_cancelled)
     try:

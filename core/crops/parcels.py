@@ -125,6 +125,8 @@ def read_parcels(
 
     Coordinates in another CRS than `target` are projected; no datum is changed. Identifiers are those of the first
     column named id, parcel, plot or name, else 1, 2, … in the order of the file; blocks those of a column block or rep.
+    Raises InputError if a file cannot be read or has no polygon, a polygon is invalid, identifiers repeat or differ
+    between the files, the parcels lie outside the domain of `target`, or are smaller than the inset.
 
     Args:
         path: GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped), KML, or CSV of corners.
@@ -132,10 +134,6 @@ def read_parcels(
         net_inset_m: width of the strip between gross and net parcel off each end, and off each side, in metres on the
             ground.
         net: file with the net parcels, under the same identifiers, instead of an inset.
-
-    Raises:
-        InputError: if a file cannot be read or has no polygon, a polygon is invalid, identifiers repeat or differ
-            between the files, the parcels lie outside the domain of `target`, or are smaller than the inset.
     """
     gross = _read_polygons(path, target)
     nets = {found.id: found.shape for found in _read_polygons(net, target)} if net is not None else {}

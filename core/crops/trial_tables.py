@@ -46,11 +46,8 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
 
     It has a row for each parcel (column id, parcel or plot) or each treatment (column treatment). Doses at several days
     are columns named by a day (2017-03-16, or n_kg_ha 2017-03-16), or rows with a column date; both are summed up to
-    and including `day`.
-
-    Raises:
-        InputError: if the file cannot be read, has neither column, states an identifier twice (without dates) or a
-            day that is none, or has doses by date and `day` is not known.
+    and including `day`. Raises InputError if the file cannot be read, has neither column, states an identifier twice
+    (without dates) or a day that is none, or has doses by date and `day` is not known.
     """
 
     def unreadable(why: str) -> InputError:

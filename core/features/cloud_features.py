@@ -107,7 +107,7 @@ def classify_features(
     """The points of clouds in batches with the classes of features, in reproducible order.
 
     Noise and, in furrowmap's own clouds, the machine keep their classes. Points of other classes than ground are
-    classified anew.
+    classified anew. Raises InputError, RefusedError, OSError as :func:`cleaned`.
 
     Args:
         cleaning: selects and cleans points, and classifies their ground.
@@ -117,9 +117,6 @@ def classify_features(
 
     Yields:
         (n,) records of :data:`POINT`.
-
-    Raises:
-        InputError, RefusedError, OSError: as :func:`cleaned`.
     """
     with classified_spool(clouds, cleaning, folder, seen, progress) as spool, ThreadPoolExecutor(threads()) as pool:
         parts = blocks(spool, TILE_POINTS)

@@ -194,14 +194,11 @@ def board_poses(
 
     The two poses that a plane may have (IPPE, Collins and Bartoli 2014) are both refined; the better one is taken, and
     where they hardly differ the one nearer to the frame before. Then all frames are adjusted with a common pivot, if
-    they fit one.
+    they fit one. Raises RefusedError if the frames show the board too seldom.
 
     Args:
         corners: of each frame, (n, 2); None where the board was not found.
         camera: intrinsics; None to estimate them from the frames (Zhang 2000).
-
-    Raises:
-        RefusedError: if the frames show the board too seldom.
     """
     frame = np.array([k for k, found in enumerate(corners) if found is not None], np.intp)
     shown = [found for found in corners if found is not None]

@@ -93,15 +93,12 @@ class FramePixels:
 
 
 def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = silent) -> FramePixels:
-    """Decode all frames.
+    """Decode all frames; raises OSError if the disk has no room for them.
 
     Args:
         frames: at least one.
         notices: how many cannot be read, or have another size, is added.
         progress: receives the stage "reading images".
-
-    Raises:
-        OSError: if the disk has no room for them.
     """
     camera, reduction = frames.camera, 1
     while 3 * len(frames) * camera.width * camera.height / reduction**2 > MAX_PIXEL_BYTES:

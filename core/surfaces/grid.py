@@ -19,15 +19,13 @@ MAX_GRID_CELLS: Final = 2**31
 class Grid:
     """Square cells whose edges are multiples of their size from the CRS origin, so that grids of one size align.
 
-    Arrays on it are north-up: row 0 is the northernmost, column 0 the westernmost.
+    Arrays on it are north-up: row 0 is the northernmost, column 0 the westernmost. Raises InputError if the cells are
+    finer than a millimetre or more than `MAX_GRID_CELLS`.
 
     Attributes:
         west: western edge in cells from the CRS origin.
         north: northern edge likewise.
         shape: rows and columns, each at least 1.
-
-    Raises:
-        InputError: if the cells are finer than a millimetre or more than `MAX_GRID_CELLS`.
     """
 
     cell_m: float

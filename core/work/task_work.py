@@ -62,17 +62,14 @@ def task_works(
     """The ground worked in the tasks of a set of task data.
 
     The positions logged are taken as those of the middle of the tool: task data rarely say how the two lie to each
-    other, and a shift along the way changes no area.
+    other, and a shift along the way changes no area. Raises InputError if it cannot be read, no task has positions, or
+    no log says how wide the machine is; RefusedError if the CRS does not fit the place.
 
     Args:
         path: of the TASKDATA folder or an archive of it.
         crs: of the map; None for one that fits the place.
         width_m: of the machine; None for the widest that the logs show at work.
         only: id or name of the one task that is wanted.
-
-    Raises:
-        InputError: if it cannot be read, no task has positions, or no log says how wide the machine is.
-        RefusedError: if the CRS does not fit the place.
     """
     content, tasks = read_tasks(open_task_files(path), only)
     notices = list(content.notices)

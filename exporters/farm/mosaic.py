@@ -75,7 +75,7 @@ def write_mosaic(
 
     Surfaces of the same CRS and cell size are copied cell by cell. Others are resampled: bilinear, in cells whose
     centre lies in a seen cell; coarser cells take the mean of the seen cells in them. All bands of a cell come from one
-    session.
+    session. Raises RefusedError if the surfaces cannot be merged in this way.
 
     Args:
         paths: of the surfaces in the order of their sessions; the last one is on top.
@@ -84,9 +84,6 @@ def write_mosaic(
         crs: of the cells; None for that of the surfaces.
         cell_m: length of a cell's sides; None for the latest surface's.
         mean: write the mean height of all sessions and their number instead of the latest session's cells.
-
-    Raises:
-        RefusedError: if the surfaces cannot be merged in this way.
     """
     surfaces = [surface_file(path) for path in paths]
     if output.resolve() in {surface.path for surface in surfaces}:

@@ -39,7 +39,9 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
 
     If the work is interrupted, `folder` is unchanged. If the process is killed while it moves the finished products,
     the next run or :func:`recover` completes that. Products that an earlier report of the same name lists, and that
-    neither have a successor nor are in the new reports' lists, are removed.
+    neither have a successor nor are in the new reports' lists, are removed. Raises InputError if `folder` cannot be
+    written to; RefusedError if another run is writing to it; if another program has earlier products open, on Windows:
+    they are unchanged, or, if it opened them at the last moment, the next run or :func:`recover` replaces them.
 
     Args:
         folder: of the products, made if it does not exist.
@@ -47,11 +49,6 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
 
     Yields:
         The folder to write to; every file in it, and in the folders below, becomes a product under its own name.
-
-    Raises:
-        InputError: if `folder` cannot be written to.
-        RefusedError: if another run is writing to it; if another program has earlier products open, on Windows: they
-            are unchanged, or, if it opened them at the last moment, the next run or :func:`recover` replaces them.
     """
     created = not folder.exists()
     try:
