@@ -30,10 +30,8 @@ MIN_OBSERVATIONS: Final = 200
 class Balance:
     """Gains and vignetting, as natural logarithms of factors of the levels.
 
-    Attributes:
-        gain: (n, 3) of each frame's red, green and blue.
-        vignetting: (3,) coefficients of the square, fourth and sixth power of the distance from the middle of the
-            image, 1 in its corners.
+    `gain` (n, 3) is of each frame's red, green and blue; `vignetting` (3,) are coefficients of the square, fourth and
+    sixth power of the distance from the middle of the image, 1 in its corners.
     """
 
     gain: FloatArray
@@ -53,13 +51,9 @@ class Balance:
 def balance_frames(
     count: int, point: NDArray[np.int32], frame: NDArray[np.int32], radius: FloatArray, levels: FloatArray
 ) -> Balance:
-    """Gains and vignetting by robust least squares.
+    """Gains and vignetting by robust least squares from levels (m, 3), 0 to 255, of points in frames.
 
-    Args:
-        point: (m,) which point is observed, in increasing order.
-        frame: (m,) by which frame.
-        radius: (m,) distance from the middle of the image, 1 in its corners.
-        levels: (m, 3) levels of red, green, blue, 0 to 255.
+    The points (m,) increase; the radius (m,) is the distance from the middle of the image, 1 in its corners.
     """
     good = ((levels > DARKEST) & (levels < BRIGHTEST)).all(axis=1)
     times = np.bincount(point[good], minlength=int(point.max(initial=0)) + 1)

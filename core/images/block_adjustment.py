@@ -50,13 +50,7 @@ MAX_RESIDUAL_SIGMAS: Final = 5.0
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of the places of points besides.
-
-    Attributes:
-        point: (c,) their numbers among those of the ties.
-        xyz_m: (c, 3) in the map frame.
-        sigma_m: (c, 3) standard deviations.
-    """
+    """Known places (c, 3) of points in the map frame, their standard deviations, and their numbers in the ties."""
 
     point: IntArray
     xyz_m: FloatArray
@@ -69,12 +63,7 @@ NOTHING_KNOWN: Final = Known(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((
 
 @dataclass(frozen=True)
 class ImageBlock:
-    """Images along a trajectory, and what is known of its errors.
-
-    Attributes:
-        t_s: (n,) times stated for the images.
-        scale: metres of the map for a metre on the ground.
-    """
+    """Images along a trajectory at the times stated for them, and what is known of its errors."""
 
     trajectory: Trajectory
     errors: PoseErrors
@@ -126,12 +115,7 @@ class _BlockState:
 def adjust_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) -> AdjustedBlock:
     """Poses, boresight, delay and points at which the points appear where they were seen.
 
-    Args:
-        block: the images; each has a pose within the delay's prior.
-        known: points with known places, which are kept whatever their residuals are.
-
-    Raises:
-        LinAlgError: if the equations are singular.
+    The points of `known` are kept whatever their residuals are. Raises LinAlgError if the equations are singular.
     """
     root = root_of(CAMERA_SIGMAS, block.errors.covariance)
     unknowns = np.zeros(len(root))

@@ -29,10 +29,8 @@ PRIOR_M: Final = 10.0
 class Turned:
     """Poses with a common pivot.
 
-    Attributes:
-        rotation: (n, 3, 3) board to optical frame.
-        rms_px: (n,) root mean square of the corners' distances.
-        sigma_deg: (n,) standard deviation of the attitude, the largest of the three axes.
+    `rotation` (n, 3, 3) is board to optical frame; `rms_px` (n,) of the corners' distances; `sigma_deg` (n,) of the
+    attitude, the largest of the three axes.
     """
 
     rotation: FloatArray
@@ -194,11 +192,8 @@ def board_poses(
 
     The two poses that a plane may have (IPPE, Collins and Bartoli 2014) are both refined; the better one is taken, and
     where they hardly differ the one nearer to the frame before. Then all frames are adjusted with a common pivot, if
-    they fit one. Raises RefusedError if the frames show the board too seldom.
-
-    Args:
-        corners: of each frame, (n, 2); None where the board was not found.
-        camera: intrinsics; None to estimate them from the frames (Zhang 2000).
+    they fit one. Raises RefusedError if the frames show the board too seldom. `corners` (n, 2) are None where the board
+    was not found; without a `camera` it is estimated from the frames (Zhang 2000).
     """
     frame = np.array([k for k, found in enumerate(corners) if found is not None], np.intp)
     shown = [found for found in corners if found is not None]
@@ -274,10 +269,8 @@ def mount_attitude(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Roll, pitch and yaw (n,) of a mount in the vehicle frame, in degrees; zero in the first frame.
 
-    Args:
-        rotation: (n, 3, 3) board to optical frame.
-        board_rotation: (3, 3) the board's axes to the vehicle's, in the first frame.
-        where: "body" for a board on the vehicle and a camera on the mount, "mount" for the reverse.
+    `rotation` (n, 3, 3) is board to optical frame, `board_rotation` (3, 3) the board's axes to the vehicle's in the
+    first frame; `where` is "body" for a board on the vehicle and a camera on the mount, "mount" for the reverse.
     """
     since = rotation[0].T @ rotation  # of a board on the mount, in the board's own axes of the first frame
     if where == ON_BODY:

@@ -26,12 +26,7 @@ MAX_OBSERVATIONS: Final = 400_000
 
 
 class ColourMaker:
-    """Takes the points of a cloud in pieces, and gives what colours them.
-
-    Args:
-        frames: at least one.
-        origin_m: local origin of the points' coordinates.
-    """
+    """Takes the points of a cloud, against a local origin, in pieces, and gives what colours them from frames."""
 
     def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
         self._frames, self._visibility = frames, VisibilityMaker(frames, origin_m)
@@ -50,14 +45,9 @@ class ColourMaker:
             self._samples, self._count, self._every = [kept], len(kept), 2 * self._every
 
     def finish(self, notices: list[Notice], progress: Progress = silent) -> "Colours":
-        """What colours the points; the maker cannot be used any more.
+        """What colours the points, after stage "reading images"; the maker cannot be used any more.
 
-        Args:
-            notices: images that cannot be used are added.
-            progress: receives the stage "reading images".
-
-        Raises:
-            OSError: if the disk has no room for the images.
+        A notice names images that cannot be used. Raises OSError if the disk has no room for the images.
         """
         visibility = self._visibility.finish()
         pixels = decode_frames(self._frames, notices, progress)
@@ -77,13 +67,9 @@ MAX_PIXEL_BYTES: Final = 6_000_000_000
 
 @dataclass(frozen=True)
 class FramePixels:
-    """Pixels of all frames.
+    """Pixels (n, height, width, 3) uint8 of all frames, and which could be read; each is the mean of a square.
 
-    Attributes:
-        camera: of the pixels, which may be reduced.
-        rgb: (n, height, width, 3) uint8.
-        usable: (n,) which could be read.
-        reduction: a pixel is the mean of so many by so many.
+    The camera is that of the pixels, `reduction` the side of the squares.
     """
 
     camera: Camera
@@ -93,12 +79,9 @@ class FramePixels:
 
 
 def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = silent) -> FramePixels:
-    """Decode all frames; raises OSError if the disk has no room for them.
+    """Decode all frames, stage "reading images"; raises OSError if the disk has no room for them.
 
-    Args:
-        frames: at least one.
-        notices: how many cannot be read, or have another size, is added.
-        progress: receives the stage "reading images".
+    A notice says how many cannot be read, or have another size.
     """
     camera, reduction = frames.camera, 1
     while 3 * len(frames) * camera.width * camera.height / reduction**2 > MAX_PIXEL_BYTES:
@@ -152,12 +135,7 @@ NO_FRAME: Final = -1
 
 @dataclass(frozen=True)
 class Colours:
-    """What gives points their colours.
-
-    Attributes:
-        balance: of their exposures, and vignetting.
-        t_s: (n,) UTC of the frames.
-    """
+    """What gives points their colours: the frames at times (n,), and the balance of their exposures."""
 
     visibility: Visibility
     pixels: FramePixels

@@ -43,9 +43,8 @@ OF_SCALE: Final = 0.06
 class Features:
     """Features of some images.
 
-    Attributes:
-        places: of each image (k, 3) column, row and standard deviation of both.
-        descriptors: (n, MAX_IMAGE_FEATURES, DESCRIPTOR) uint8: SIFT's own, k of each image.
+    `places` of each image are (k, 3) column, row and standard deviation of both; `descriptors` (n, MAX_IMAGE_FEATURES,
+    DESCRIPTOR) uint8 are SIFT's own, k of each image.
     """
 
     places: tuple[FloatArray, ...]

@@ -52,13 +52,7 @@ class FramePoses:
 
 
 def frame_poses(trajectory: Trajectory, camera: Camera, t_s: FloatArray, scale: float = 1.0) -> FramePoses:
-    """Poses of the optical frame for images.
-
-    Args:
-        camera: its mounting, and the delay of its shutter.
-        t_s: (n,) UTC stated for the images.
-        scale: metres of the map for a metre on the ground.
-    """
+    """Poses of the optical frame, by its mounting and the delay of its shutter, for images at stated times (n,) UTC."""
     exposed_s = t_s + camera.shutter_delay_s
     vehicle = trajectory.at(exposed_s)
     known = np.isfinite(vehicle.quaternion[:, 0])
@@ -72,11 +66,7 @@ def frame_poses(trajectory: Trajectory, camera: Camera, t_s: FloatArray, scale: 
 
 @dataclass(frozen=True)
 class Frames:
-    """Images of one camera in the order of time, each with a pose.
-
-    Attributes:
-        poses: of its optical frame in the map frame.
-    """
+    """Images of one camera in the order of time, each with a pose of the optical frame in the map frame."""
 
     paths: tuple[ImageFile, ...]
     camera: Camera
@@ -98,13 +88,7 @@ class Frames:
 def frames_along(
     images: Images, camera: Camera, trajectory: Trajectory, scale: float, notices: list[Notice]
 ) -> Frames | None:
-    """The images that were taken at times of a trajectory; None without any.
-
-    Args:
-        images: with times by the trajectory's clock.
-        scale: metres of the map for a metre on the ground.
-        notices: how many have no pose is added.
-    """
+    """The images that were taken at times of a trajectory; None without any, a notice for those without a pose."""
     poses = frame_poses(trajectory, camera, images.t_s, scale)
     known = poses.known
     if not known.all():

@@ -15,12 +15,7 @@ FINER: Final = (5, 4, 2, 1)
 
 @dataclass(frozen=True)
 class Orthophoto:
-    """Colours on a grid.
-
-    Attributes:
-        rgb: (3, rows, columns) uint8 red, green, blue; 0 where nothing is seen.
-        seen: (rows, columns) whether a frame sees the place.
-    """
+    """Colours on a grid: (3, rows, columns) uint8 red, green, blue, 0 for none; whether a frame sees the place."""
 
     grid: Grid
     rgb: NDArray[np.uint8]
@@ -49,12 +44,8 @@ def orthophoto(
     """The true orthophoto of a part of a surface.
 
     Heights between the middles of cells are interpolated linearly; where a cell has none there is no picture. Cells
-    whose middle is hidden in all frames have none either.
-
-    Args:
-        wide: the part and a margin of one cell, as far as the surface goes.
-        height_m: of `wide`; nan where unknown.
-        origin_m: local origin of the colours' coordinates.
+    whose middle is hidden in all frames have none either. `wide` is the part and a margin of one cell, as far as the
+    surface goes, with heights or nan.
     """
     grid = finer_grid(part, factor)
     rows, columns = part.window_in(wide)

@@ -15,14 +15,9 @@ CONVERGED: Final = 1e-12
 
 
 def project(camera: Camera, xyz_m: FloatArray) -> FloatArray:
-    """Pixels of points.
+    """Pixels (n, 2), also outside the image, of points (n, 3) in the optical frame.
 
-    Args:
-        xyz_m: (n, 3) in the optical frame.
-
-    Returns:
-        (n, 2) column and row, also outside the image; nan for points behind the camera, and beyond
-        :attr:`~furrowmap.core.values.camera.Camera.widest`.
+    They are nan behind the camera, and beyond :attr:`~furrowmap.core.values.camera.Camera.widest`.
     """
     points = np.ascontiguousarray(xyz_m, np.float64).reshape(-1, 3)
     pixels: FloatArray = project_points(camera.intrinsics, camera.widest, points)
@@ -30,14 +25,9 @@ def project(camera: Camera, xyz_m: FloatArray) -> FloatArray:
 
 
 def unproject(camera: Camera, pixels: FloatArray) -> FloatArray:
-    """Directions of pixels, by Newton's method.
+    """Directions (n, 3), with z = 1, of pixels (n, 2), by Newton's method.
 
-    Args:
-        pixels: (n, 2) column and row.
-
-    Returns:
-        (n, 3) in the optical frame, with z = 1; nan where no direction within
-        :attr:`~furrowmap.core.values.camera.Camera.widest` has the pixel.
+    They are nan where none within :attr:`~furrowmap.core.values.camera.Camera.widest` has the pixel.
     """
     at = np.ascontiguousarray(pixels, np.float64).reshape(-1, 2)
     directions: FloatArray = unproject_pixels(camera.intrinsics, camera.widest, at)

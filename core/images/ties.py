@@ -22,11 +22,7 @@ MAX_NEIGHBOURS: Final = 10
 
 
 def overlapping(poses: FramePoses, camera: Camera, depth_m: float) -> list[tuple[int, int]]:
-    """Pairs of images that see the same of a surface at a depth, by poses that need not be exact.
-
-    Args:
-        depth_m: of the surface along the view.
-    """
+    """Pairs of images that see the same of a surface at a depth along the view, by poses that need not be exact."""
     columns, rows = (np.linspace(0.0, size - 1.0, cells) for size, cells in zip(
         (camera.width, camera.height), OVERLAP_GRID, strict=True
     ))  # fmt: skip
@@ -99,11 +95,8 @@ def tracks(keypoints: Mapping[int, FloatArray], matches: Mapping[tuple[int, int]
     """The points that matched keypoints of several images belong to.
 
     What is linked by matches is one point. A point that would be seen at two places of one image is left out: one of
-    its matches is wrong.
-
-    Args:
-        keypoints: (k, 3) column, row and standard deviation of both by image.
-        matches: (m, 2) numbers of keypoints, by two images.
+    its matches is wrong. `keypoints` (k, 3) are column, row and standard deviation of both by image; `matches` (m, 2)
+    numbers of keypoints, by two images.
     """
     frames = sorted(keypoints)
     first = dict(zip(frames, np.cumsum([0, *(len(keypoints[f]) for f in frames)])[:-1].tolist(), strict=True))

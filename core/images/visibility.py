@@ -118,11 +118,8 @@ class Visibility:
 class VisibilityMaker:
     """Takes the points of a cloud, in any order and in pieces, and gives the visibility of all.
 
-    Memory, or a scratch file, of 4 bytes a cell of the depth maps, at most 260 kB a frame.
-
-    Args:
-        frames: at least one.
-        origin_m: local origin of the points' coordinates.
+    Memory, or a scratch file, of 4 bytes a cell of the depth maps, at most 260 kB a frame. Points are against a local
+    origin.
     """
 
     def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
