@@ -6,8 +6,6 @@ its positions do within a second shows where it stands, and when: a lever arm th
 to the vehicle's axes, and clocks that are apart shift the sway in time.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final

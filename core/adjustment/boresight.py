@@ -5,8 +5,6 @@ the lasers' ranges). Heights of cells at each time are observations of three ang
 lasers, and a height of each window of time for what the trajectory is off; the heights of the cells are eliminated.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

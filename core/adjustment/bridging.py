@@ -12,8 +12,6 @@ misclosure shows it. The same is true of scans between two pauses while position
 first metres of a drive.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, TypeVar

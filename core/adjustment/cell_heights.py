@@ -3,8 +3,6 @@
 Their least squares, in which the height of each cell itself is eliminated, are in :func:`adjust_cells`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

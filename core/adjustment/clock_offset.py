@@ -11,8 +11,6 @@ vehicle drives; a lever arm that is off moves them along with the vehicle's axes
 direction for a while. Ground seen in several directions of travel separates the three.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -129,7 +127,7 @@ class _Trial:
     cell_m: float
 
     @classmethod
-    def from_returns(cls, source: GroundReturns | UprightReturns, sensor: Sensor, start: Trajectory) -> _Trial:
+    def from_returns(cls, source: GroundReturns | UprightReturns, sensor: Sensor, start: Trajectory) -> "_Trial":
         yaw = np.radians(90.0 - start.attitude_deg()[2])
         motion = np.stack([start.t_s, start.xyz_m[:, 0], start.xyz_m[:, 1], np.cos(yaw), np.sin(yaw)])
         ground = isinstance(source, GroundReturns)

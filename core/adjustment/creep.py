@@ -4,8 +4,6 @@ To the IMU, which knows no speed, a creep is a motion. But ground stays where it
 is higher or lower than the one before by slope and creep.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final

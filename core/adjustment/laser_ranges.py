@@ -12,8 +12,6 @@ k s² over the path length s, and tilted by its slope) fit them as well. Only GN
 The bow is therefore not estimated but considered (:class:`~furrowmap.core.estimation.covariance.Considered`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Final
 

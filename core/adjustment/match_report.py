@@ -1,7 +1,5 @@
 """Figures and notices of scan matching for the report."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Scan matching: returns and positions in, the adjusted trajectory with figures and notices out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ stated mounting is off by that much. The session does not state the wheels' plac
 follow the vehicle's roll and pitch best.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

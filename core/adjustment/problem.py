@@ -1,7 +1,5 @@
 """Input, iterate and result of the adjustment of a session."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -78,7 +76,7 @@ class Problem:
         mounting: Mounting,
         tool: Tool | None,
         aid: Aid | None = None,
-    ) -> Problem:
+    ) -> "Problem":
         """Of a wheeled vehicle with GNSS, whose trajectory is the first guess, and perhaps an IMU."""
         knots, lever = knots_over(returns.t_s), np.asarray(lever_m, np.float64)
         origin = np.round(np.median(trajectory.xyz_m, axis=0))
@@ -164,7 +162,7 @@ class Iterate:
     last: Linearised | None = None
 
     @classmethod
-    def first(cls, problem: Problem) -> Iterate:
+    def first(cls, problem: Problem) -> "Iterate":
         """Where the adjustment begins."""
         weight = arrays.full(len(problem.returns), 255, np.uint8)
         return cls(problem.start, problem.observations, weight, Sensor(problem.sensor_m, np.eye(3)))
@@ -174,7 +172,7 @@ class Iterate:
         p = problem
         return placing_of(p.returns, self.return_weight, self.sensor, p.knots, self.state, self.unused, p.tool)
 
-    def turned(self, turn_deg: FloatArray) -> Iterate:
+    def turned(self, turn_deg: FloatArray) -> "Iterate":
         """The sensor turned on the vehicle by roll, pitch and yaw: it stays as it is, the vehicle turns under it."""
         state, sensor, (roll, pitch, yaw) = self.state, self.sensor, turn_deg.tolist()
         turn = Rotation.from_euler("ZYX", [yaw, -pitch, roll], degrees=True).as_matrix()
@@ -240,7 +238,7 @@ class Adjusted:
     slow_errors: SlowErrors = field(default_factory=SlowErrors)
 
     @classmethod
-    def from_iterate(cls, problem: Problem, it: Iterate) -> Adjusted:
+    def from_iterate(cls, problem: Problem, it: Iterate) -> "Adjusted":
         """The result where the last stage has left it."""
         assert it.calibration is not None
         assert it.ground is not None

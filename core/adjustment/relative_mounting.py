@@ -6,8 +6,6 @@ move by one turn, one shift and one delay of the scanner. What neither ground no
 as wide as a measuring tape errs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final, Self
@@ -176,7 +174,7 @@ class _Iterate:
         """(7,) radians, metres and seconds."""
         return np.array([*Rotation.from_matrix(self.turn).as_rotvec(), *self.shift_m, self.clock_s])
 
-    def moved(self, step: FloatArray) -> _Iterate:
+    def moved(self, step: FloatArray) -> "_Iterate":
         """After a step (7,)."""
         turn = Rotation.from_rotvec(step[:3]).as_matrix() @ self.turn
         return replace(self, turn=turn, shift_m=self.shift_m + step[3:6], clock_s=self.clock_s + float(step[6]))

@@ -5,8 +5,6 @@ a window, so that a heading off by degrees converges. Then the ground is that of
 neighbouring passes and turns see the same soil.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -105,7 +103,7 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
     return adjusted
 
 
-def match_and_calibrate(problem: Problem, it: Iterate, steps: _Steps) -> Adjusted:
+def match_and_calibrate(problem: Problem, it: Iterate, steps: "_Steps") -> Adjusted:
     """Rounds of the whole session, and more with the mounting that they show where that is off."""
     it = match_session(problem, it, SESSION_ROUNDS, steps)
     it = calibrate_mounting(problem, it)
@@ -126,7 +124,7 @@ def resolve_yaw_ambiguity(problem: Problem, it: Iterate) -> Iterate:
     return replace(it, facing=found, sensor=replace(it.sensor, turn=turn))
 
 
-def match_windows(problem: Problem, it: Iterate, steps: _Steps) -> Iterate:
+def match_windows(problem: Problem, it: Iterate, steps: "_Steps") -> Iterate:
     """Rounds of short windows, until headings no longer turn."""
     least, most = WINDOW_ROUNDS
     it, _ = window_step(problem, it, None)
@@ -144,7 +142,7 @@ def match_windows(problem: Problem, it: Iterate, steps: _Steps) -> Iterate:
     return it
 
 
-def match_session(problem: Problem, it: Iterate, rounds: Rounds, steps: _Steps) -> Iterate:
+def match_session(problem: Problem, it: Iterate, rounds: Rounds, steps: "_Steps") -> Iterate:
     """Rounds of the whole session, from wide to fine cells; the lasers' constants before the one with all returns."""
     for cell_m, thin in rounds:
         if thin == 1 and it.sensor.ranges is None:

@@ -5,8 +5,6 @@ fixed references all knots move, which settles what is quick; with free referenc
 with them, which settles what is slow.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Final

@@ -12,8 +12,6 @@ of the vehicle's poses are correlated, and a random walk how the mounting's angl
 divided. The walk is against its mean, which is the mounting.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Returns of a moving scanner with the poses at their times."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final

@@ -5,8 +5,6 @@ What the IMU adds are turns, which hold where the ground is smooth, and the dire
 be exact: its own rotation against the vehicle, and the scale of its gyroscopes, are states.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -65,7 +63,7 @@ class Gyroscopes(Observation):
     site: Site
 
     @classmethod
-    def from_track(cls, track: InertialTrack, noise: InertialNoise, site: Site, knots: Knots) -> Gyroscopes:
+    def from_track(cls, track: InertialTrack, noise: InertialNoise, site: Site, knots: Knots) -> "Gyroscopes":
         """The turns between knots that the measurements `track`, in the axes of the vehicle, cover."""
         begin_s = knots.t_s[knots.linked]
         after = np.searchsorted(track.t_s, begin_s, side="right")
@@ -126,7 +124,7 @@ class InertialAttitudes(Observation):
     sigma_rad: FloatArray
 
     @classmethod
-    def from_trajectory(cls, trajectory: Trajectory, noise: InertialNoise, knots: Knots) -> InertialAttitudes:
+    def from_trajectory(cls, trajectory: Trajectory, noise: InertialNoise, knots: Knots) -> "InertialAttitudes":
         """Of a trajectory by GNSS and IMU: roll and pitch often, headings seldom, as gyroscopes lose them."""
         at = np.flatnonzero((knots.t_s >= trajectory.span_s[0]) & (knots.t_s <= trajectory.span_s[1]))
         before, _, inside = trajectory.interval(knots.t_s[at])

@@ -1,7 +1,5 @@
 """Least squares: banded normal equations, their solution, damping and variances, and Huber's robust weights."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
@@ -56,7 +54,7 @@ class NormalEquations:
             self.redundancy += len(right)
             self.log_sigmas += float(np.log(sigma[part]).sum())
 
-    def copied(self) -> NormalEquations:
+    def copied(self) -> "NormalEquations":
         """The same equations, to which others can be added."""
         out = copy(self)
         out.band, out.right = arrays.copied(self.band), self.right.copy()
@@ -87,7 +85,7 @@ class NormalEquations:
         out *= scale[:, None] * scale
         return out
 
-    def solve(self) -> Solution:
+    def solve(self) -> "Solution":
         """The solution, which also knows how well it is known. Raises LinAlgError if N is not positive definite."""
         # LAPACK itself, since SciPy's functions look for numbers that are not finite in copies of the whole.
         factor, fault = scipy.linalg.lapack.dpbtrf(arrays.copied(self.band), lower=1, overwrite_ab=1)
@@ -98,7 +96,7 @@ class NormalEquations:
             raise np.linalg.LinAlgError("the solution of the normal equations is not finite")
         return solution
 
-    def solve_damped(self, dampable: NDArray[np.bool_]) -> Solution:
+    def solve_damped(self, dampable: NDArray[np.bool_]) -> "Solution":
         """The solution with the least damping that makes N positive definite (Levenberg 1944); N keeps it.
 
         Args:

@@ -4,8 +4,6 @@ Corrections of the poses are twists (translation and rotation) at coarse knots i
 rigid motion of everything is one of them exactly. The equations are those of all knots, projected (Galerkin).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +35,7 @@ class CoarseKnots:
     share: FloatArray
 
     @classmethod
-    def over(cls, knots: Knots, every: int, patch_m: float) -> CoarseKnots:
+    def over(cls, knots: Knots, every: int, patch_m: float) -> "CoarseKnots":
         """A coarse knot at every `every`-th knot of each chain."""
         grids, before, share, first = [], [], [], 0
         for chain in knots.chains:

@@ -5,8 +5,6 @@ a covariance loses the former to rounding. Unknowns ``x = root z`` with ``root r
 before, and keep both.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

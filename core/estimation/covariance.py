@@ -1,7 +1,5 @@
 """Covariances of the poses: marginal ones of what is slow and what is quick, added up, and those of a few knots."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ positions along with the vehicle's axes, an error of the positions lies in one d
 adjustment are eliminated (Schur complement): what they can explain, the constants do not show.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -3,8 +3,6 @@
 Forster et al. 2017, IEEE Trans. Robotics 33, 1-21.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -3,8 +3,6 @@
 Knots are close enough that the machine's sway is a line between two.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, Protocol, Self
@@ -87,7 +85,7 @@ class State:
         first = self.layout.column(block) - POSE
         return self.added[:, first : first + block.size]
 
-    def moved(self, step: FloatArray) -> State:
+    def moved(self, step: FloatArray) -> "State":
         """The state after a step (n, layout.size): position, rotation vector in the map's axes, added blocks."""
 
         def moved(part: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -97,11 +95,11 @@ class State:
         xyz, rotation, added = arrays.in_parts(moved, len(step))
         return State(xyz, rotation, added, self.layout)
 
-    def part(self, chosen: slice) -> State:
+    def part(self, chosen: slice) -> "State":
         """The state at some knots."""
         return replace(self, xyz_m=self.xyz_m[chosen], rotation=self.rotation[chosen], added=self.added[chosen])
 
-    def put(self, chosen: slice, part: State) -> State:
+    def put(self, chosen: slice, part: "State") -> "State":
         """The state with another one at some knots."""
         xyz, rotation, added = self.xyz_m.copy(), self.rotation.copy(), self.added.copy()
         xyz[chosen], rotation[chosen], added[chosen] = part.xyz_m, part.rotation, part.added

@@ -1,7 +1,5 @@
 """Observations of GNSS: positions of an antenna, their slowly varying error, and headings, also of other devices."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
@@ -48,7 +46,7 @@ class AntennaPositions(Observation):
     weight: FloatArray
 
     @classmethod
-    def unweighted(cls, positions: Positions, origin_m: FloatArray, lever_m: FloatArray) -> AntennaPositions:
+    def unweighted(cls, positions: Positions, origin_m: FloatArray, lever_m: FloatArray) -> "AntennaPositions":
         """All of them with their whole weight."""
         return cls(positions, origin_m, lever_m, np.ones(len(positions.t_s)))
 

@@ -7,8 +7,6 @@ Modern Synthesis, section 6) with patches in the place of points. A rigid motion
 so that absolute observations alone determine it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -57,7 +55,7 @@ class Patches:
     right: FloatArray
 
     @classmethod
-    def kept(cls, *columns: NDArray[Any]) -> Patches:
+    def kept(cls, *columns: NDArray[Any]) -> "Patches":
         """Copies of columns that are the filled part of longer ones, which are not kept."""
         return cls(*(column.copy() for column in columns))
 
@@ -300,7 +298,7 @@ class SliceSums:
     count: NDArray[np.int64]
 
     @classmethod
-    def empty(cls, knots: int) -> SliceSums:
+    def empty(cls, knots: int) -> "SliceSums":
         """No returns yet, for a number of knots."""
         return cls(
             arrays.zeros((knots, UPPER)),
@@ -309,7 +307,7 @@ class SliceSums:
             arrays.zeros(knots, np.int64),
         )
 
-    def take(self, other: SliceSums) -> None:
+    def take(self, other: "SliceSums") -> None:
         """Add the other's sums to these."""
         for own, more in (
             (self.normal, other.normal), (self.right, other.right), (self.right_free, other.right_free)

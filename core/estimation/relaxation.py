@@ -7,8 +7,6 @@ small share of the error. Two steps in succession show how small, and the next i
 wrong in one stretch of time and right in others, so each time has its own factor.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The observations of a wheeled vehicle with GNSS, and of one with an IMU, beside what its scanner adds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
@@ -141,7 +139,7 @@ class AxleSteps:
     design: FloatArray
 
     @classmethod
-    def from_knots(cls, linked: NDArray[np.int64], state: State, yaw_rad: FloatArray | float = 0.0) -> AxleSteps:
+    def from_knots(cls, linked: NDArray[np.int64], state: State, yaw_rad: FloatArray | float = 0.0) -> "AxleSteps":
         """Those from the knots (k,) to the next, forward being to the left of the nose by a yaw (k, 1)."""
         size = state.layout.size
         step = state.xyz_m[linked + 1] - state.xyz_m[linked]
@@ -174,7 +172,7 @@ class Standing(Observation):
     end_s: FloatArray
 
     @classmethod
-    def find(cls, track: InertialTrack, positions: Positions) -> Standing:
+    def find(cls, track: InertialTrack, positions: Positions) -> "Standing":
         """Where the IMU is quiet, compared with the rest of the recording, and the positions do not move."""
         cell = ((track.t_s - track.t_s[0]) / STAND_WINDOW_S).astype(np.int64)
         number, first, count = np.unique(cell, return_index=True, return_counts=True)

@@ -8,8 +8,6 @@ true relief in their variance. The product of the slopes in the two halves of th
 its mean, because their noise is independent.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -77,11 +75,11 @@ class GroundSums:
     tally: FloatArray
 
     @classmethod
-    def empty(cls, knots: int) -> GroundSums:
+    def empty(cls, knots: int) -> "GroundSums":
         """No returns yet, for a number of knots."""
         return cls(SliceSums.empty(knots), np.zeros(6))
 
-    def take(self, other: GroundSums) -> None:
+    def take(self, other: "GroundSums") -> None:
         """Add the other's sums to these."""
         self.slices.take(other.slices)
         self.tally[:] += other.tally

@@ -1,7 +1,5 @@
 """Returns placed in the map by the poses of an iterate."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Returns in portions of time that fit into memory, without those in gaps, and threads that work on them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

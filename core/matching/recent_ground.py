@@ -1,7 +1,5 @@
 """The ground of the last metres round the vehicle, and how far each scan turned and moved on it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Registration of all returns to ground and walls: of short windows, or of the whole session."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -136,7 +134,7 @@ class WallRegistration:
     observation: Registration
     scatter: Scatter
 
-    def registered(self) -> WallRegistration:
+    def registered(self) -> "WallRegistration":
         """Without its patches, which are many and not needed once the equations are solved."""
         return replace(self, observation=replace(self.observation, references=()))
 

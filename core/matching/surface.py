@@ -5,8 +5,6 @@ seen before belongs to another layer than soil seen after, and what was seen in 
 either half of the scans are matched to the other half's surface, so that no return meets its own noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final

@@ -9,8 +9,6 @@ ground's returns does, with a level normal, so that walls add to the same equati
 the poses as those of ground do.
 """
 
-from __future__ import annotations
-
 from dataclasses import astuple, dataclass
 from typing import Final
 
@@ -147,7 +145,7 @@ class Scatter:
     matched: float = 0.0
     squares: float = 0.0
 
-    def plus(self, other: Scatter) -> Scatter:
+    def plus(self, other: "Scatter") -> "Scatter":
         """Both together."""
         return Scatter(*(one + more for one, more in zip(astuple(self), astuple(other), strict=True)))
 

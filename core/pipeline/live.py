@@ -1,7 +1,5 @@
 """A session while it is recorded: scans and bytes of a receiver in; poses, tool states and ground worked out."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

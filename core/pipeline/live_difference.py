@@ -1,7 +1,5 @@
 """By how much a live session differed from the run of its recording."""
 
-from __future__ import annotations
-
 import json
 from contextlib import suppress
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ show the heading, and on a way with turns what is level. At the start the vehicl
 followed until the ground shows which one it is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 

@@ -1,7 +1,5 @@
 """A session's images as an aid of its trajectory."""
 
-from __future__ import annotations
-
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the packets of a scanner say while they arrive: its maker, how many are missing, and the state of its PPS."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass, field
 from typing import Final

@@ -1,7 +1,5 @@
 """What a GNSS receiver says while its bytes arrive: the format, the last position, its fix and its time."""
 
-from __future__ import annotations
-
 import math
 import threading
 from dataclasses import dataclass, field

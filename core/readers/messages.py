@@ -5,8 +5,6 @@ interface description of the ZED-F9P, "UBX frame structure") and of SBF (Septent
 header format"), which differ only in a :class:`Framing`.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -274,7 +272,7 @@ class Messages:
     def __len__(self) -> int:
         return len(self.at)
 
-    def __getitem__(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> Messages:
+    def __getitem__(self, index: NDArray[np.bool_] | NDArray[np.intp]) -> "Messages":
         """Some of the messages."""
         return Messages(self.values[index], self.at[index])
 
@@ -284,7 +282,7 @@ class Messages:
             return self.values[name].astype(np.float64) * factor
 
     @classmethod
-    def joined(cls, parts: list[Messages], layout: np.dtype[np.void]) -> Messages:
+    def joined(cls, parts: "list[Messages]", layout: np.dtype[np.void]) -> "Messages":
         """The messages of several pieces of a stream, one piece after the other."""
         if not parts:
             return cls(np.empty(0, layout), np.empty(0, np.int64))

@@ -3,8 +3,6 @@
 Formats: as in :mod:`furrowmap.core.readers.pcap`.
 """
 
-from __future__ import annotations
-
 from typing import Final, NamedTuple
 
 import numpy as np

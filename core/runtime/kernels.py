@@ -1,7 +1,5 @@
 """How kernels are compiled."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Final
 

@@ -9,8 +9,6 @@ Chance is drawn by number of firing and laser (SplitMix64: Steele, Lea and Flood
 number generators), so that the result does not depend on how the firings are shared out among threads.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum

@@ -6,8 +6,6 @@ alignment; Wu and Pan 2013, IEEE Trans. Aerospace and Electronic Systems 49, 100
 positions instead of velocities).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -157,7 +155,7 @@ class _ObservedMotion:
         gravity: float,
         hint: HeadingHint | None,
         half: int,
-    ) -> _ObservedMotion:
+    ) -> "_ObservedMotion":
         """Of an antenna (n, 3) at the knots of the whole chain."""
         beside = half + averaged_knots(half) // 2
         middle = np.arange(beside, len(motion.turned) - beside, STRIDE)

@@ -1,7 +1,5 @@
 """Place, heading, tilt and speed of a wheeled vehicle while positions come in, where scans show how it turns."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -5,8 +5,6 @@ combined them: roll and pitch of an IMU, heading of the aircraft's autopilot, tu
 equation 1).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 

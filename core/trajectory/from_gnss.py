@@ -4,8 +4,6 @@ Nakagawa et al., section 2: driving status and azimuth from positions, then the 
 lever arm. Roll and pitch are zero here and height is the antenna's less its lever arm; scan matching refines them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -178,7 +176,7 @@ class _Grid:
     nearest: NDArray[np.intp]  # (m,) index of the position before or at each knot
 
     @classmethod
-    def over(cls, t_s: FloatArray, max_gap_s: float) -> _Grid:
+    def over(cls, t_s: FloatArray, max_gap_s: float) -> "_Grid":
         step = np.diff(t_s)
         parts = np.where(step > max_gap_s, 1, np.ceil(step / MAX_PATH_KNOT_STEP_S - 1e-6)).astype(np.intp)
         parts = np.append(np.maximum(parts, 1), 1)

@@ -1,7 +1,5 @@
 """The trajectory that a file of poses states, transformed to the map frame."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Both are linear in the attitude at the begin of a chunk and in the biases, as the second differences of alignment are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -49,7 +47,7 @@ class ChunkMotion:
     way_m: FloatArray
 
     @classmethod
-    def integrate(cls, steps: Increments, whole: FloatArray, begin: int, end: int, arm_m: FloatArray) -> ChunkMotion:
+    def integrate(cls, steps: Increments, whole: FloatArray, begin: int, end: int, arm_m: FloatArray) -> "ChunkMotion":
         """Of the knots from `begin` to before `end`."""
         turned = whole[begin].T @ whole[begin:end]
         swept = np.cumsum(turned, axis=0) * KNOT_STEP_S
@@ -101,7 +99,7 @@ class Course(HeadingHint):
     lever_m: FloatArray
 
     @classmethod
-    def from_antenna(cls, antenna_m: FloatArray, white_m: float, drift_m: float, lever_m: FloatArray) -> Course:
+    def from_antenna(cls, antenna_m: FloatArray, white_m: float, drift_m: float, lever_m: FloatArray) -> "Course":
         """The course of an antenna (n, 3) at consecutive knots.
 
         Args:

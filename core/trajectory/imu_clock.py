@@ -6,8 +6,6 @@ in each window. On wheels the same holds for the direction of the nose and the w
 which least of the motion is left unexplained.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The adjustment of positions and inertial measurements: Gauss-Newton rounds over all knots at once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
@@ -58,7 +56,7 @@ class InertialAdjustment(Fitted):
     by_clock: FloatArray
     clock_sigma_s: float = 0.0
 
-    def with_clock_sigma(self, clock_sigma_s: float) -> InertialAdjustment:
+    def with_clock_sigma(self, clock_sigma_s: float) -> "InertialAdjustment":
         """With the uncertainty of the clock in the standard deviations."""
         sigma = np.hypot(self.sigma, clock_sigma_s * self.by_clock)
         return replace(self, sigma=sigma, clock_sigma_s=clock_sigma_s)

@@ -12,8 +12,6 @@ count as one. A first-order process of correlation r from one to the next has, f
 white noise that is √((1 + r) / (1 − r)) times as large (Bartlett 1946, J. Royal Statistical Society B 8, 27-41).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -174,7 +172,7 @@ class Whiteness:
     assumed_m: tuple[float, ...]
 
     @classmethod
-    def of_residuals(cls, residual_m: FloatArray, assumed_m: FloatArray) -> Whiteness:
+    def of_residuals(cls, residual_m: FloatArray, assumed_m: FloatArray) -> "Whiteness":
         """Of residuals (n, 3) in the order of time, nan where one takes no part, and the noise assumed (n, 3)."""
         part = np.asarray(np.isfinite(residual_m).all(axis=1))
         pairs = part[1:] & part[:-1]

@@ -6,8 +6,6 @@ more than stated, the specific force scatters more than stated. The restricted l
 of them explains the residuals best. An offset of the clocks was found and taken off before.
 """
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache

@@ -3,8 +3,6 @@
 Measurements that cannot be of the same motion as the positions are errors, which name what would fit.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -89,12 +87,12 @@ class MountedImu:
     clock_rate: float = 0.0
     gyro_scale: float = 0.0
 
-    def earlier_by(self, offset_s: float) -> MountedImu:
+    def earlier_by(self, offset_s: float) -> "MountedImu":
         """With times that are earlier by an offset."""
         track = replace(self.track, t_s=self.track.t_s - offset_s)
         return replace(self, track=track, minus_gnss_s=self.minus_gnss_s + offset_s)
 
-    def without(self, clock_rate: float, gyro_scale: float, middle_s: float) -> MountedImu:
+    def without(self, clock_rate: float, gyro_scale: float, middle_s: float) -> "MountedImu":
         """With a clock that runs slower, and is as it was at a time, and smaller rates."""
         track = self.track
         t_s, rate = track.t_s - clock_rate * (track.t_s - middle_s), (1.0 - gyro_scale) * track.rate_radps
@@ -180,13 +178,13 @@ class InertialProblem:
     @classmethod
     def over_common_time(
         cls, positions: Positions, imu: MountedImu, site: Site, lever_m: FloatArray, hints: Hints
-    ) -> InertialProblem:
+    ) -> "InertialProblem":
         """Of an IMU and positions that go together. Raises InputError if they have too little time in common."""
         links = InertialLinks(imu.in_vehicle_axes, np.asarray(imu.mounting.xyz_m, np.float64), imu.noise, site)
         knots = knots_over(_common_s(positions.t_s, imu.track), MAX_IMU_PAUSE_S)
         return cls(positions, links, lever_m, np.round(np.median(positions.xyz_m, axis=0)), knots, hints)
 
-    def with_imu_earlier(self, offset_s: float) -> InertialProblem:
+    def with_imu_earlier(self, offset_s: float) -> "InertialProblem":
         """With times of the IMU, and of the knots, that are earlier by an offset."""
         track, knots = self.links.track, self.knots
         chains = tuple(replace(chain, begin_s=chain.begin_s - offset_s) for chain in knots.chains)

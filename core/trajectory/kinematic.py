@@ -6,8 +6,6 @@ unknowns (:class:`~furrowmap.core.estimation.banded.NormalEquations`), solved by
 recording at once; looking back as well as forward is what makes the heading stable in reverse too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The first guess of a run: the vehicle's trajectory from GNSS alone, or from a file of poses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final, TypeAlias

@@ -1,7 +1,5 @@
 """Moving or standing, forward or reverse, and how far: a vehicle's motion from positions alone."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

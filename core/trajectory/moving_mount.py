@@ -1,7 +1,5 @@
 """The trajectory of a mount that turns against the vehicle."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Final

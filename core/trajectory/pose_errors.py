@@ -1,7 +1,5 @@
 """Errors of the poses of a trajectory at a few times, how they go together, and poses without them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -5,8 +5,6 @@ Within seconds, a first-order Gauss-Markov process of variance σ² and correlat
 density is larger than stated, σ is that of a correlation time in the middle of those that receivers have.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

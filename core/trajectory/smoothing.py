@@ -1,7 +1,5 @@
 """A smooth path through noisy positions: as smooth as a vehicle moves, and no smoother than the noise asks for."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

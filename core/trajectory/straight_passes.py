@@ -1,7 +1,5 @@
 """The strips of a flight: the parts of a trajectory that lead straight on, without the turns between them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -81,7 +79,7 @@ class _FlightPath:
     speed_mps: FloatArray
 
     @classmethod
-    def sample(cls, trajectory: Trajectory, begin_s: float, end_s: float) -> _FlightPath:
+    def sample(cls, trajectory: Trajectory, begin_s: float, end_s: float) -> "_FlightPath":
         t = np.arange(begin_s, end_s, STRIP_STEP_S)
         xy = np.column_stack([np.interp(t, trajectory.t_s, trajectory.xyz_m[:, k]) for k in range(2)])
         velocity = uniform_filter1d(

@@ -1,7 +1,5 @@
 """Extent of points, and the cells of a grid that hold any."""
 
-from __future__ import annotations
-
 from typing import Final, TypeVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The part of a recording between two times, and numbered intervals of time: passes of a tool, strips of a flight."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Which polygon points lie in, for many points and polygons."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple, Protocol

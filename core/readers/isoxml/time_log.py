@@ -6,8 +6,6 @@ each value its index among the header's DLV (u8) and an i32. A record has only t
 from the one before.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Points in E57 files (ASTM E2807): scans as packed binary fields, described by XML, in pages with checksums."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -46,7 +44,7 @@ class _PackedField:
     offset: float
 
     @classmethod
-    def of(cls, said: Element) -> _PackedField:
+    def of(cls, said: Element) -> "_PackedField":
         kind = said.get("type")
         if kind == "Float":
             return cls(said.tag, 32 if said.get("precision") == "single" else 64, True, 0, 1.0, 0.0)  # noqa: FBT003
@@ -82,7 +80,7 @@ class _Scan:
     pose: FloatArray
 
     @classmethod
-    def of(cls, said: Element, page_bytes: int) -> _Scan:
+    def of(cls, said: Element, page_bytes: int) -> "_Scan":
         points = _child(said, "points")
         place = int(points.get("fileOffset"))
         limits = {}

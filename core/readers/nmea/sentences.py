@@ -5,8 +5,6 @@ between ``$`` and ``*`` (NMEA 0183, section 5.3). The scanner tries every ``$`` 
 binary messages and truncated sentences may directly precede intact ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, Self

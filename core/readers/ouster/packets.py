@@ -4,8 +4,6 @@ Formats: Ouster Sensor Documentation, firmware 3.1, "Lidar Data Packet Format" a
 Calculation".
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """The kernel that decodes data packets into returns."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
