@@ -174,12 +174,7 @@ def _fitted(
 
 
 def _clock_s(
-    knots: Knots,
-    state: State,
-    antenna: AntennaPositions,
-    segments: list[slice],
-    used: NDArray[np.intp],
-    left_m2: float,
+    knots: Knots, state: State, antenna: AntennaPositions, segments: list[slice], used: NDArray[np.intp], left_m2: float
 ) -> float:
     """The offset of the clocks at which the stated lever arm explains the antenna's heights; 0 where none does."""
     inside = knots.at(antenna.positions.t_s)[2]

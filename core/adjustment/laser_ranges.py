@@ -19,13 +19,7 @@ import numpy as np
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.covariance import Considered
-from furrowmap.core.matching.ground import (
-    CORRELATED,
-    GROUND_GATE,
-    MATCHING_HUBER,
-    MIN_NODE_RETURNS,
-    NOISE_M,
-)
+from furrowmap.core.matching.ground import CORRELATED, GROUND_GATE, MATCHING_HUBER, MIN_NODE_RETURNS, NOISE_M
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads
 from furrowmap.core.matching.registration import session_surface

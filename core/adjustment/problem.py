@@ -179,9 +179,7 @@ class Iterate:
         rotation = state.rotation @ turn.T
         xyz = state.xyz_m + (state.rotation - rotation) @ sensor.xyz_m
         return replace(
-            self,
-            state=replace(state, xyz_m=xyz, rotation=rotation),
-            sensor=replace(sensor, turn=turn @ sensor.turn),
+            self, state=replace(state, xyz_m=xyz, rotation=rotation), sensor=replace(sensor, turn=turn @ sensor.turn)
         )
 
 

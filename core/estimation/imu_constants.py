@@ -200,11 +200,7 @@ def _pose_rates(knots: Knots, state: State) -> FloatArray:
 
 
 def _add_turns(
-    links: InertialLinks,
-    knots: Knots,
-    state: State,
-    linked: IntArray,
-    sums: tuple[FloatArray, FloatArray, FloatArray],
+    links: InertialLinks, knots: Knots, state: State, linked: IntArray, sums: tuple[FloatArray, FloatArray, FloatArray]
 ) -> None:
     """Add what turns from knots (k,) to the next show of constants that make them all too large by the same share.
 

@@ -132,11 +132,7 @@ def _fit_regions(sorted_m: FloatArray, region: IntArray) -> Iterator[tuple[IntAr
 
 
 def _measure_plane(
-    sorted_m: PointColumns,
-    region: IntArray,
-    fit: _PlaneFit,
-    scale_m: tuple[float, float],
-    fill: tuple[float, float],
+    sorted_m: PointColumns, region: IntArray, fit: _PlaneFit, scale_m: tuple[float, float], fill: tuple[float, float]
 ) -> Plane | None:
     """The plane of a region of sorted voxels of a size, with a tolerance; None if small, too open or filled."""
     (cell_m, tolerance_m), (centre_m, normal, rms_m) = scale_m, fit

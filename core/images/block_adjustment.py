@@ -414,9 +414,7 @@ def _result(
     rotation = Rotation.from_rotvec(state.fixed[:DELAY]).as_matrix() @ stated.mounting.rotation
     mounting = Mounting.from_rotation(stated.xyz_m, rotation)
     camera = replace(
-        stated,
-        rpy_deg=mounting.rpy_deg,
-        shutter_delay_s=stated.shutter_delay_s + float(state.fixed[DELAY]),
+        stated, rpy_deg=mounting.rpy_deg, shutter_delay_s=stated.shutter_delay_s + float(state.fixed[DELAY])
     )
     sigma = np.sqrt(np.diag(covariance)[:CAMERA_UNKNOWNS])
     x, y, z = np.degrees(state.fixed[:DELAY]).tolist()

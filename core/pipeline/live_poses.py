@@ -15,13 +15,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.geodesy.coordinates import transform_track
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.matching.recent_ground import RecentGround
-from furrowmap.core.matching.returns import (
-    GROUND_GATE_M,
-    GROUND_GATE_SLOPE,
-    LEARN_SCANS,
-    SELF_RANGE_M,
-    ground_height_m,
-)
+from furrowmap.core.matching.returns import GROUND_GATE_M, GROUND_GATE_SLOPE, LEARN_SCANS, SELF_RANGE_M, ground_height_m
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.drive_filter import BRAKES_MPS2, DriveFilter
 from furrowmap.core.trajectory.from_gnss import TILT_SIGMA_DEG

@@ -110,10 +110,7 @@ class Checkpoint(Protocol):
 
 @arrays.keeping_files_out()
 def run(
-    opened: OpenSession,
-    open_sink: OpenSink,
-    progress: Progress = silent,
-    checkpoint: Checkpoint | None = None,
+    opened: OpenSession, open_sink: OpenSink, progress: Progress = silent, checkpoint: Checkpoint | None = None
 ) -> RunResult:
     """Place every point of a session's recording, hand them to a sink scan by scan, and find the ground worked.
 
@@ -285,8 +282,7 @@ def companions(opened: OpenSession) -> Companions:
     """The recordings of a session that go into the trajectory beside the positions."""
     session = opened.session
     return Companions(
-        opened.inertial if session.imu is not None else None,
-        opened.attitude if session.attitude is not None else None,
+        opened.inertial if session.imu is not None else None, opened.attitude if session.attitude is not None else None
     )
 
 
@@ -345,11 +341,7 @@ def _calibrate(
 
 
 def _match(
-    opened: OpenSession,
-    guess: Located,
-    lidar: LidarRecording,
-    progress: Progress,
-    checkpoint: Checkpoint | None,
+    opened: OpenSession, guess: Located, lidar: LidarRecording, progress: Progress, checkpoint: Checkpoint | None
 ) -> tuple[Located, Matched | None, ImplementTracker]:
     """Read the scans once: match them to the ground, and collect those that show the implement.
 

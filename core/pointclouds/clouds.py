@@ -238,9 +238,7 @@ def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CR
         stated = file.crs or crs
         if stated is None:
             raise InputError(
-                "crs-missing",
-                file=file.path,
-                is_file=any(notice.code == "crs-unreadable" for notice in file.notices),
+                "crs-missing", file=file.path, is_file=any(notice.code == "crs-unreadable" for notice in file.notices)
             )
         found.append((file, stated))
     first_file, first = found[0]

@@ -106,10 +106,7 @@ class Smrf:
 
 
 def classify_ground(
-    xyz_m: ArrayLike,
-    method: GroundMethod = "smrf",
-    smrf: Smrf | None = None,
-    asked: NDArray[np.bool_] | None = None,
+    xyz_m: ArrayLike, method: GroundMethod = "smrf", smrf: Smrf | None = None, asked: NDArray[np.bool_] | None = None
 ) -> NDArray[np.bool_]:
     """Which points (n,) are ground, computed in overlapping squares of 128 m.
 

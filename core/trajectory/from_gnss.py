@@ -74,10 +74,7 @@ class GnssTrajectory:
 
 
 def trajectory_from_gnss(
-    track: GnssTrack,
-    frame: MapFrame,
-    lever_m: tuple[float, float, float],
-    fixes: tuple[Fix, ...] | None,
+    track: GnssTrack, frame: MapFrame, lever_m: tuple[float, float, float], fixes: tuple[Fix, ...] | None
 ) -> GnssTrajectory:
     """The initial trajectory of the vehicle frame.
 
@@ -188,10 +185,7 @@ class _Grid:
 
 
 def _chain(
-    positions: Positions,
-    motions: Motions,
-    lever_m: tuple[float, float, float],
-    grid: _Grid,
+    positions: Positions, motions: Motions, lever_m: tuple[float, float, float], grid: _Grid
 ) -> tuple[PathEpochs, EpochMeasurements]:
     """The knots with their links and measurements."""
 

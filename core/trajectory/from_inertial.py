@@ -26,13 +26,7 @@ from furrowmap.core.estimation.inertial import (
     predicted,
     unbiased_increments,
 )
-from furrowmap.core.estimation.knots import (
-    KNOT_STEP_S,
-    POSE,
-    ROTATION,
-    StateBlock,
-    normal_equations,
-)
+from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, ROTATION, StateBlock, normal_equations
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.facts import spans_in_words
 from furrowmap.core.runtime import arrays

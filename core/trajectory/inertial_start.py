@@ -26,14 +26,7 @@ from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
-from furrowmap.core.trajectory.alignment import (
-    CHUNK_KNOTS,
-    HALVES,
-    Attitudes,
-    attitudes,
-    averaged_knots,
-    moving_mean,
-)
+from furrowmap.core.trajectory.alignment import CHUNK_KNOTS, HALVES, Attitudes, attitudes, averaged_knots, moving_mean
 from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, RecordedHeading
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S, GnssTrack, Positions

@@ -84,12 +84,7 @@ class Companions:
     attitude: OpenAttitude | None = None
 
 
-def locate(
-    positions: Reader,
-    session: Session,
-    frame: MapFrame,
-    beside: Companions = Companions(),
-) -> Located:
+def locate(positions: Reader, session: Session, frame: MapFrame, beside: Companions = Companions()) -> Located:
     """The trajectory: from the session's own file, from GNSS and an IMU or attitude logs, or from GNSS alone.
 
     Raises:
@@ -266,10 +261,7 @@ def _with_attitude(
 
 
 def located_without_lidar(
-    positions: Reader,
-    session: Session,
-    frame: MapFrame,
-    beside: Companions = Companions(),
+    positions: Reader, session: Session, frame: MapFrame, beside: Companions = Companions()
 ) -> Located:
     """As :func:`locate`; from the course alone where positions come too seldom to show the direction of motion."""
     if session.trajectory is not None or beside != Companions() or not isinstance(positions, GivesTrack):

@@ -170,11 +170,7 @@ def _split_at_cusps(velocity: FloatArray, speed: FloatArray, run: tuple[int, int
 
 
 def _directions(
-    t_s: FloatArray,
-    en_m: FloatArray,
-    velocity: FloatArray,
-    segment: IntArray,
-    legs: list[tuple[int, int]],
+    t_s: FloatArray, en_m: FloatArray, velocity: FloatArray, segment: IntArray, legs: list[tuple[int, int]]
 ) -> tuple[list[int], tuple[tuple[int, int], ...]]:
     """+1 or −1 for each leg of continuous motion, and the parts in which the longer path alone decides."""
     sign: list[int] = []

@@ -5,8 +5,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,11 +81,9 @@ class FieldPoints:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: Any) -> None:
         if self._spool is not None:
-            self._spool.__exit__(kind, error, trace)
+            self._spool.__exit__(*error)
 
     def begin(self, origin_m: tuple[float, float, float]) -> None:
         """Set the offset of the coordinates, before the first scan."""

@@ -193,7 +193,7 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
         field_type(numba.float64),
         *(numba.int64[::1],) * 3,
         numba.float64[::1],
-    ),
+    )
 )
 def pack_points(  # type: ignore[no-untyped-def]
     xyz_m, steps_per_m, t_s, shift_s, return_number, returns, x, y, z, bit_fields, time, low, high, by_return, seconds

@@ -105,7 +105,7 @@ FIELD_TYPES: Final = (*(numba.int32,) * 3, numba.uint16, numba.uint8, numba.uint
         numba.uint32[::1],
         *(numba.types.Array(dtype, 1, "C") for dtype in FIELD_TYPES),
         numba.uint8[:, :],
-    ),
+    )
 )
 def take(  # type: ignore[no-untyped-def]
     xs, ys, zs, intensities, all_returns, classes, sources, times, extras, members,

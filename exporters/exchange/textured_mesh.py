@@ -113,11 +113,7 @@ def _write_glb(
     extent = {"min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()}
     east, north, up = scene["origin_m"]
     content = {
-        "asset": {
-            "version": "2.0",
-            "generator": f"furrowmap {version('furrowmap')}",
-            "extras": result.origin.metadata,
-        },
+        "asset": {"version": "2.0", "generator": f"furrowmap {version('furrowmap')}", "extras": result.origin.metadata},
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
         "scenes": [{"nodes": [0], "extras": scene}],

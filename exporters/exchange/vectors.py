@@ -360,11 +360,7 @@ FORMATS: Final[Mapping[str, VectorFormat]] = {
     "geojson": VectorFormat(
         ".geojson",
         write_one=partial(
-            _write_through_memory,
-            driver="GeoJSON",
-            RFC7946="YES",
-            COORDINATE_PRECISION=DIGITS_DEG,
-            WRITE_NAME="YES",
+            _write_through_memory, driver="GeoJSON", RFC7946="YES", COORDINATE_PRECISION=DIGITS_DEG, WRITE_NAME="YES"
         ),
         crs=WGS84_CRS,
     ),

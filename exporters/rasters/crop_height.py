@@ -1,7 +1,6 @@
 """`crop_height.tif`: height of the crop above the soil in the pixels of all parcels."""
 
 from pathlib import Path
-from types import TracebackType
 from typing import Final, Self
 
 import numpy as np
@@ -28,9 +27,7 @@ class CropHeights:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._spool.close()
 
     def add(self, canopy: Canopy) -> None:

@@ -118,10 +118,7 @@ def _continuity(found: Evaluation) -> list[tuple[str, str]]:
     )
     sigmas = found.within_sigmas
     return [
-        (
-            "positions",
-            f"{log.epochs:,}, every {log.interval_s:.3g} s; availability {log.availability:.1%}",
-        ),
+        ("positions", f"{log.epochs:,}, every {log.interval_s:.3g} s; availability {log.availability:.1%}"),
         ("kinds of fix", shares),
         ("first fix, from the log's first position", firsts),
         ("gaps", f"{log.gaps}; longest {log.longest_gap_s:.1f} s, sum {log.all_gaps_s:.1f} s"),

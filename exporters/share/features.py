@@ -82,12 +82,7 @@ def _legend(style: LayerStyle, symbols: list[Symbol], layer: VectorLayer) -> lis
             symbol = _symbol_of(style, {style.ramp.attribute: value})
             if symbol not in symbols:
                 symbols.append(symbol)
-            legend.append(
-                {
-                    "label": text(value, {}),
-                    "symbol": symbols.index(symbol),
-                }
-            )
+            legend.append({"label": text(value, {}), "symbol": symbols.index(symbol)})
         return legend
     if not style.by_value or style.attribute not in layer.columns:
         return []

@@ -94,11 +94,7 @@ def _actions(language: str) -> str:
             'notificationMessage=""><actionScope id="Feature"/><actionScope id="Layer"/><actionScope id="Canvas"/>'
             "</actionsetting>"
             for key, name, target in (
-                (
-                    "6e1ce9d8-3f57-4c1b-9a58-0c1a4f6f2a01",
-                    report,
-                    f"{url} || 'report.html'",
-                ),
+                ("6e1ce9d8-3f57-4c1b-9a58-0c1a4f6f2a01", report, f"{url} || 'report.html'"),
                 ("6e1ce9d8-3f57-4c1b-9a58-0c1a4f6f2a02", folder, url),
             )
         )

@@ -218,11 +218,7 @@ class FurrowmapDock(QgsDockWidget):
             self.previewer.begin(answer["session"])
 
     def _command(
-        self,
-        title: str,
-        words: Sequence[str],
-        on_answer: Callable[[Any], None],
-        on_failure: Callable[[str, str], None],
+        self, title: str, words: Sequence[str], on_answer: Callable[[Any], None], on_failure: Callable[[str, str], None]
     ) -> None:
         """Have the worker do a command, with its progress on a page."""
         program = self._program() if self._task is None else None

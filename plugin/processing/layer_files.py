@@ -34,11 +34,7 @@ LAYER_GEOMETRIES = {
     "table": SOURCE_TYPES.TypeVector,
 }
 """What the lists of layers offer."""
-READ_FORMATS = {
-    "polygons": ("gpkg", "shp", "geojson", "fgb", "kml"),
-    "points": ("gpkg",),
-    "table": ("csv",),
-}
+READ_FORMATS = {"polygons": ("gpkg", "shp", "geojson", "fgb", "kml"), "points": ("gpkg",), "table": ("csv",)}
 """Formats of vector layers that the worker reads, the one first into which others are written."""
 
 

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec
-from types import TracebackType
-from typing import Final, Self
+from typing import Any, Final, Self
 
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.memory import free_memory_bytes
@@ -43,10 +42,8 @@ class Workforce:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._stack.__exit__(kind, error, trace)
+    def __exit__(self, *error: Any) -> None:
+        self._stack.__exit__(*error)
 
     @property
     def threads(self) -> int | None:

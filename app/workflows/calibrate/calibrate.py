@@ -66,11 +66,7 @@ class Calibration:
 
 
 def calibrate(
-    session: str | Path,
-    *,
-    write: bool = False,
-    machine: str | Path | None = None,
-    progress: Progress = silent,
+    session: str | Path, *, write: bool = False, machine: str | Path | None = None, progress: Progress = silent
 ) -> Calibration:
     """Estimate mounting and clock offset from a session's recording.
 

@@ -32,12 +32,7 @@ from furrowmap.workflows.run.colours import ColourFigures, RunColours
 
 
 def colour(
-    cloud: str | Path,
-    session: str | Path,
-    out: str | Path,
-    *,
-    overwrite: bool = False,
-    progress: Progress = silent,
+    cloud: str | Path, session: str | Path, out: str | Path, *, overwrite: bool = False, progress: Progress = silent
 ) -> dict[str, Any]:
     """Write a cloud in the colours of the images of a session, as COPC with point format 7.
 

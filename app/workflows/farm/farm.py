@@ -317,12 +317,7 @@ def _ground_layers(edit: FarmEdit, sessions: Sequence[KnownSession], crs: CRS) -
         style = packaged_style("dsm.qml").replace('opacity="1"', 'opacity="0.6"')  # the background shows through
         layers.append(
             ProjectLayer(
-                SURFACE,
-                RASTER,
-                f"./{surface.name}",
-                "gdal",
-                style,
-                translated("Surface, the latest on top", language),
+                SURFACE, RASTER, f"./{surface.name}", "gdal", style, translated("Surface, the latest on top", language)
             )
         )
     return layers

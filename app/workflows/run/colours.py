@@ -4,7 +4,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
-from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
@@ -78,10 +77,8 @@ class RunColours:
         self._add = self._working.enter_context(behind(self._maker.add, SCANS_BEHIND))
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._working.__exit__(kind, error, trace)
+    def __exit__(self, *error: Any) -> None:
+        self._working.__exit__(*error)
 
     def add(self, placed: PlacedScan) -> None:
         """Take the points of a scan."""
