@@ -1,4 +1,4 @@
-"""Colours of points from the frames that see them."""
+"""Colours of points from the frames that see them, and true orthophotos: a surface in these colours."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
+from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.camera import Camera
 
 BALANCE_SAMPLES: Final = 8_000
@@ -131,6 +132,9 @@ TO_16_BIT: Final = 257.0
 SHARPNESS: Final = 8
 """Weights of blended frames fall with this power of their distance: a seam is soft where both are nearly as good."""
 NO_FRAME: Final = -1
+FINER: Final = (5, 4, 2, 1)
+"""Pixels of an orthophoto across a cell of the surface."""
+OPAQUE: Final = 255
 
 
 @dataclass(frozen=True)
@@ -166,6 +170,38 @@ class Colours:
             frame,
         )
         return rgb, frame
+
+    def pixels_a_cell(self, cell_m: float) -> int:
+        """The number of pixels across a cell of a surface for which pixels are not smaller than those of the frames."""
+        near = [float(np.median(known)) for one in self.visibility.depth_m if len(known := one[np.isfinite(one)])]
+        if not near:
+            return FINER[-1]
+        on_ground_m = float(np.median(near)) * self.pixels.reduction / float(self.visibility.view.intrinsics[0])
+        return next((finer for finer in FINER if cell_m / finer >= on_ground_m), FINER[-1])
+
+    def orthophoto(
+        self, wide: Grid, height_m: NDArray[np.float32], part: Grid, finer: int, origin_m: tuple[float, ...]
+    ) -> NDArray[np.uint8]:
+        """The true orthophoto of a part of a surface.
+
+        Heights between the middles of cells are interpolated linearly; where a cell has none there is no picture. Cells
+        whose middle is hidden in all frames have none either.
+
+        Args:
+            wide: the part and a margin of one cell, as far as the surface goes.
+            height_m: of `wide`; nan where unknown.
+            finer: pixels across a cell.
+            origin_m: local origin of the colours' coordinates.
+
+        Returns:
+            (4, rows, columns) red, green, blue of the pixels, and 255; 0 where no frame sees the place.
+        """
+        rows, columns = part.window_in(wide)
+        out = np.zeros((4, part.rows * finer, part.columns * finer), np.uint8)
+        corner = np.array([part.bounds_m[0], part.bounds_m[3], 0.0]) - origin_m
+        begin = np.array([rows.start, columns.start])
+        blended_colours(height_m, begin, finer, corner, part.cell_m / finer, *self.arguments, out)
+        return out
 
     @property
     def arguments(self) -> tuple[Any, ...]:
@@ -264,9 +300,9 @@ def best_colours(  # type: ignore[no-untyped-def]
 @kernel()
 def blended_colours(  # type: ignore[no-untyped-def]
     height, begin, pixels_across, place, pixel_m, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
-    corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out, seen,
+    corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out,
 ):  # fmt: skip
-    """Kernel of :func:`~furrowmap.core.images.orthophoto.orthophoto`.
+    """Kernel of :meth:`Colours.orthophoto`.
 
     Frames are looked at from the middle of each cell of the surface; pixels within it follow by derivatives.
 
@@ -277,8 +313,8 @@ def blended_colours(  # type: ignore[no-untyped-def]
     """
     xyz, step, middle = np.empty(3), np.empty((3, 2)), 0.5 * (pixels_across - 1.0)
     rise, rgb = np.empty((pixels_across, pixels_across)), np.empty((pixels_across, pixels_across, 3))
-    for row in range(seen.shape[0] // pixels_across):
-        for column in range(seen.shape[1] // pixels_across):
+    for row in range(out.shape[1] // pixels_across):
+        for column in range(out.shape[2] // pixels_across):
             own = height[begin[0] + row, begin[1] + column]
             xyz[0] = place[0] + (column + 0.5) * pixels_across * pixel_m
             xyz[1] = place[1] - (row + 0.5) * pixels_across * pixel_m
@@ -322,7 +358,7 @@ def blended_colours(  # type: ignore[no-untyped-def]
                 for a in range(pixels_across):
                     for b in range(pixels_across):
                         i, j = row * pixels_across + a, column * pixels_across + b
-                        seen[i, j] = True
+                        out[3, i, j] = OPAQUE
                         for channel in range(3):
                             out[channel, i, j] = np.uint8(min(rgb[a, b, channel] / total, 255.0) + 0.5)
 

@@ -8,12 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 import rasterio
+from numpy.typing import NDArray
 from rasterio.enums import ColorInterp
 from rasterio.shutil import copy
 from rasterio.windows import Window
 
-from furrowmap.core.images.colouring import Colours
-from furrowmap.core.images.orthophoto import Orthophoto, finer_grid, orthophoto, pixels_a_cell
+from furrowmap.core.images.colouring import OPAQUE, Colours
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.errors import InputError
@@ -27,7 +27,6 @@ from furrowmap.exporters.rasters.windows import windows
 
 PART_CELLS: Final = 200
 """Cells of the surface across a part that is coloured at once."""
-OPAQUE: Final = 255
 ORTHOPHOTO_TITLE: Final = "Orthophoto: the surface in the colours of the images"
 _SCRATCH_RGBA: Final = {
     "driver": "GTiff", "dtype": "uint8", "count": 4, "tiled": True, "blockxsize": 256, "blockysize": 256,
@@ -65,8 +64,8 @@ def write_orthophoto(
     ):
         cell_m, west, north = heights.transform.a, heights.transform.c, heights.transform.f
         grid = Grid(cell_m, round(west / cell_m), round(north / cell_m), (heights.height, heights.width))
-        factor = pixels_a_cell(colours, cell_m)
-        whole = finer_grid(grid, factor)
+        finer = colours.pixels_a_cell(cell_m)
+        whole = Grid(cell_m / finer, grid.west * finer, grid.north * finer, (grid.rows * finer, grid.columns * finer))
         scratch = unfinished.with_name(f"{unfinished.name}.bands")
         profile = _SCRATCH_RGBA | {
             "height": whole.rows,
@@ -78,20 +77,19 @@ def write_orthophoto(
             raster.colorinterp = [ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha]
             raster.update_tags(**tags_of(replace(origin, title=ORTHOPHOTO_TITLE)))
             done = 0
-            for picture in _pictures(heights, grid, colours, factor, origin_m):
-                place = Window.from_slices(*picture.grid.window_in(whole))
-                alpha = np.where(picture.seen, OPAQUE, 0).astype(np.uint8)
-                raster.write(np.concatenate([picture.rgb, alpha[None]]), window=place)
-                covered += int(np.count_nonzero(picture.seen))
-                done += picture.grid.rows * picture.grid.columns
-                progress("making orthophoto", done / (whole.rows * whole.columns))
+            for part, picture in _pictures(heights, grid, colours, finer, origin_m):
+                rows, columns = part.window_in(grid)
+                raster.write(picture, window=Window(columns.start * finer, rows.start * finer, *picture.shape[:0:-1]))
+                covered += int(np.count_nonzero(picture[3] == OPAQUE))
+                done += part.rows * part.columns
+                progress("making orthophoto", done / (grid.rows * grid.columns))
         copy(scratch, unfinished, NUM_THREADS=str(threads()), **_JPEG_OPTIONS)
     return covered * whole.cell_area_m2
 
 
 def _pictures(
-    heights: Any, grid: Grid, colours: Colours, factor: int, origin_m: tuple[float, float, float]
-) -> Iterator[Orthophoto]:
+    heights: Any, grid: Grid, colours: Colours, finer: int, origin_m: tuple[float, float, float]
+) -> Iterator[tuple[Grid, NDArray[np.uint8]]]:
     """The parts of the orthophoto, several of them made at once."""
     read = (
         (wide, heights.read(1, window=Window.from_slices(*wide.window_in(grid)), masked=False).astype(np.float32), part)
@@ -99,7 +97,7 @@ def _pictures(
     )
     known = (one for one in read if np.isfinite(one[1]).any())
     with ThreadPoolExecutor(threads()) as pool:
-        yield from in_turn(pool, lambda one: orthophoto(colours, *one, factor, origin_m), known, threads() + 1)
+        yield from in_turn(pool, lambda one: (one[2], colours.orthophoto(*one, finer, origin_m)), known, threads() + 1)
 
 
 def _unusable(path: Path, fault: str) -> InputError:

@@ -11,7 +11,6 @@ import pytest
 from furrowmap.core.images import colouring
 from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, Colours
 from furrowmap.core.images.frames import Frames, frames_along
-from furrowmap.core.images.orthophoto import orthophoto, pixels_a_cell
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.camera import Camera
@@ -102,24 +101,26 @@ def test_orthophoto__is_the_ground_where_any_frame_sees_it(colours: Colours, fra
     height = np.full(wide.shape, ORIGIN_M[2], np.float32)
     height[:3] = np.nan
     part = Grid(0.2, 1976, 1519, (38, 48))
-    factor = pixels_a_cell(colours, wide.cell_m)
-    assert factor == 5  # pixels of 3.6 cm on the ground
-    picture = orthophoto(colours, wide, height, part, factor, ORIGIN_M)
-    assert picture.grid.shape == (190, 240)
-    assert not picture.seen[:10].any()
-    xy = picture.grid.positions_m().reshape(*picture.grid.shape, 2) - ORIGIN_M[:2]
+    finer = colours.pixels_a_cell(wide.cell_m)
+    assert finer == 5  # pixels of 3.6 cm on the ground
+    picture = colours.orthophoto(wide, height, part, finer, ORIGIN_M)
+    assert picture.shape == (4, 190, 240)
+    rgb, seen = picture[:3], picture[3] == 255
+    assert not seen[:10].any()
+    pixels = Grid(0.04, 9880, 7595, seen.shape)
+    xy = pixels.positions_m().reshape(*seen.shape, 2) - ORIGIN_M[:2]
     beside = np.abs(xy[..., 0]) > 2.0
-    inside = picture.seen & beside
+    inside = seen & beside
     assert inside.sum() > 0.8 * (beside & (np.abs(xy[..., 1]) < 3.0) & (np.abs(xy[..., 0]) < 4.5))[10:].sum()
-    off = picture.rgb[:, inside].T / np.exp(GAINS.mean()) - texture(xy[inside])
+    off = rgb[:, inside].T / np.exp(GAINS.mean()) - texture(xy[inside])
     assert np.sqrt((off**2).mean()) < 2.0
-    assert (picture.rgb[:, ~picture.seen] == 0).all()
+    assert (rgb[:, ~seen] == 0).all()
     fine = Grid(0.05, 7980, 6020, (40, 40))  # 2 m x 2 m around the origin
     middle = np.pad(fine.positions_m() - ORIGIN_M[:2], ((0, 0), (0, 1)))
     hidden = np.all([behind_board(middle, centre) for centre in frames.poses.xyz_m - ORIGIN_M], axis=0)
     assert hidden.sum() > 20
     flat = np.full(fine.shape, ORIGIN_M[2], np.float32)
-    assert not orthophoto(colours, fine, flat, fine, 1, ORIGIN_M).seen.ravel()[hidden].any()
+    assert not colours.orthophoto(fine, flat, fine, 1, ORIGIN_M)[3].ravel()[hidden].any()
 
 
 def test_large_images__are_reduced(frames: Frames, monkeypatch: pytest.MonkeyPatch) -> None:
