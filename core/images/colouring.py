@@ -182,19 +182,11 @@ class Colours:
     def orthophoto(
         self, wide: Grid, height_m: NDArray[np.float32], part: Grid, finer: int, origin_m: tuple[float, ...]
     ) -> NDArray[np.uint8]:
-        """The true orthophoto of a part of a surface.
+        """The true orthophoto (4, rows, columns) of a part of a surface: red, green, blue, 255; 0 where none is seen.
 
-        Heights between the middles of cells are interpolated linearly; where a cell has none there is no picture. Cells
-        whose middle is hidden in all frames have none either.
-
-        Args:
-            wide: the part and a margin of one cell, as far as the surface goes.
-            height_m: of `wide`; nan where unknown.
-            finer: pixels across a cell.
-            origin_m: local origin of the colours' coordinates.
-
-        Returns:
-            (4, rows, columns) red, green, blue of the pixels, and 255; 0 where no frame sees the place.
+        Heights between the middles of cells are interpolated linearly, to `finer` pixels across each; where a cell has
+        none there is no picture. Cells whose middle is hidden in all frames have none either. `wide` is the part and a
+        margin of one cell, as far as the surface goes, with heights or nan.
         """
         rows, columns = part.window_in(wide)
         out = np.zeros((4, part.rows * finer, part.columns * finer), np.uint8)
