@@ -32,7 +32,7 @@ from furrowmap.core.readers.position_log import (
     log_facts,
 )
 from furrowmap.core.readers.reader import Inspection, recording_name
-from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
@@ -165,20 +165,6 @@ class _Found(NamedTuple):
 
     texts: list[tuple[int, int, list[bytes]]]
     contents: list[tuple[int, int, bytes]]
-
-
-def read_messages(source: Source, counts: MessageCounts[str]) -> dict[str, list[Messages]]:
-    """The messages of :data:`LAYOUTS` in a stream from its current position, piece by piece; `counts` are updated."""
-    parts: dict[str, list[Messages]] = {name: [] for name in LAYOUTS}
-
-    def scan(piece: bytes, base: int, last: bool) -> int:
-        found, used = scan_bytes(piece, counts, base, last=last)
-        for name, messages in found.items():
-            parts[name].append(messages)
-        return used
-
-    scan_stream(source, counts, scan)
-    return parts
 
 
 def scan_bytes(
@@ -407,9 +393,15 @@ class NovatelLog(PositionLog):
         """The messages by name, their counts, and where each file ends in the stream of all."""
         counts, ends = MessageCounts[str](), list[int]()
         parts: dict[str, list[Messages]] = {name: [] for name in LAYOUTS}
+
+        def scan(piece: bytes, base: int, last: bool) -> int:
+            found, used = scan_bytes(piece, counts, base, last=last)
+            for name, messages in found.items():
+                parts[name].append(messages)
+            return used
+
         for source in self._sources(paths):
-            for name, pieces in read_messages(source, counts).items():
-                parts[name] += pieces
+            scan_stream(source, counts, scan)
             ends.append(counts.stream_bytes)
         return {name: Messages.joined(pieces, LAYOUTS[name].read) for name, pieces in parts.items()}, counts, ends
 

@@ -255,15 +255,9 @@ class _VectorNav(FileReader, ABC):
             if len(measured):
                 raise InputError("imu-no-times", name=name, measured=len(measured))
             raise InputError("imu-no-measurements", name=name)
-        if len(timed) < len(measured):
-            self.notices.append(
-                Notice(
-                    "rows-incomplete.inertial",
-                    name=name,
-                    measured=len(measured) - len(timed),
-                    measured_count=len(measured),
-                )
-            )
+        if untimed := len(measured) - len(timed):
+            notice = Notice("rows-incomplete.inertial", name=name, measured=untimed, measured_count=len(measured))
+            self.notices.append(notice)
         beyond = first_beyond(timed[:, 1:])
         if beyond is not None:
             raise InputError("value-out-of-range.inertial", name=name, beyond=beyond[0])
