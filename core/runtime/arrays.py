@@ -12,6 +12,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import fields
 from math import prod
 from pathlib import Path
 from typing import IO, Any, Final, Literal, TypeAlias, cast
@@ -149,3 +150,18 @@ def release() -> None:
 def three(xyz: FloatArray) -> tuple[float, float, float]:
     """Coordinates (3,) as a tuple."""
     return float(xyz[0]), float(xyz[1]), float(xyz[2])
+
+
+def check_columns(value: Any, increasing: str = "t_s", **widths: int) -> None:
+    """Check that a dataclass holds a table: each of its arrays has n rows, and one column strictly increases.
+
+    `widths` are those of arrays (n, width); all others are (n,). Attributes that are no arrays are ignored. ValueError
+    if not.
+    """
+    kind, column = type(value).__name__, getattr(value, increasing)
+    for name in (field.name for field in fields(value)):
+        array, shape = getattr(value, name), (len(column), *([widths[name]] if name in widths else []))
+        if isinstance(array, np.ndarray) and array.shape != shape:
+            raise ValueError(f"{kind}.{name} has shape {array.shape}, not {shape}")
+    if len(column) > 1 and not bool(np.all(np.diff(column) > 0)):
+        raise ValueError(f"{kind}.{increasing} does not increase")

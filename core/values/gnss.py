@@ -7,8 +7,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.values.checks import check_columns
+from furrowmap.core.runtime.arrays import FloatArray, check_columns
 
 DRIFT_CORRELATION_S: Final = 60.0
 """Time over which the slowly varying error of GNSS changes (one to two minutes for PPP-RTK and RTK)."""

@@ -6,8 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.values.checks import check_columns
+from furrowmap.core.runtime.arrays import FloatArray, check_columns
 
 STANDARD_GRAVITY_MPS2: Final = 9.80665
 

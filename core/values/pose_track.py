@@ -6,8 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.values.checks import check_columns
+from furrowmap.core.runtime.arrays import FloatArray, check_columns
 
 TRUE_NORTH: Final = "true"
 GRID_NORTH: Final = "grid"

@@ -6,8 +6,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.values.checks import check_columns
+from furrowmap.core.runtime.arrays import FloatArray, check_columns
 
 
 class ToolState(IntEnum):

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime import arrays
-from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.values.checks import check_columns
+from furrowmap.core.runtime.arrays import FloatArray, check_columns
 from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_attitude
 
 
