@@ -11,6 +11,8 @@ from pathlib import Path
 from threading import Event
 from typing import Any, Final
 
+import numpy as np
+
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.live import LiveScan, LiveSession, warm_up
 from furrowmap.core.pipeline.live_difference import LIVE_LOG, LOGGED
@@ -64,24 +66,6 @@ class LiveSummary:
     overlap_m2: float = 0.0
     missed_m2: float = 0.0
     delays_s: tuple[float, float, float] = (math.nan, math.nan, math.nan)
-
-
-class _Delays:
-    """Delays counted in milliseconds, so that memory does not grow."""
-
-    def __init__(self) -> None:
-        self.counts = [0] * 10_001
-
-    def add(self, delay_s: float) -> None:
-        self.counts[min(max(0, round(1e3 * delay_s)), len(self.counts) - 1)] += 1
-
-    def quantile_s(self, share: float) -> float:
-        wanted, total = share * sum(self.counts), 0
-        for milliseconds, count in enumerate(self.counts):
-            total += count
-            if count and total >= wanted:
-                return 1e-3 * milliseconds
-        return math.nan
 
 
 def live(
@@ -216,7 +200,7 @@ class LiveWatch:
         self._session, self._frame, self._stream, self._to = session, frame, stream, outlets
         self._scans = self._posed = self._early = self._dropped = 0
         self._begun_s = math.nan
-        self._delays = _Delays()
+        self._delays = np.zeros(10_001, np.int64)  # counted by milliseconds, so that memory does not grow
         self._changed: set[Tile] = set()
         self._told_s = {"pose": -math.inf, "cells": -math.inf, "figures": -math.inf}
         self._areas: deque[tuple[float, float]] = deque()
@@ -246,13 +230,14 @@ class LiveWatch:
             if seen is not None:
                 self._tell(seen, time.time() - scan_due_s, status)
                 if not early:
-                    self._delays.add(time.time() - scan_due_s)
+                    self._delays[np.clip(round(1e3 * (time.time() - scan_due_s)), 0, 10_000)] += 1
 
     def summary(self) -> LiveSummary:
         """What was seen so far."""
-        cells, delays = self._session.cells, self._delays
+        cells, counted = self._session.cells, np.cumsum(self._delays)
         worked, overlap, missed = (cells.area_m2(s) if cells is not None else 0.0 for s in (WORKED, OVERLAP, MISSED))
-        quantiles = (delays.quantile_s(0.5), delays.quantile_s(0.999), delays.quantile_s(1.0))
+        at = 1e-3 * np.searchsorted(counted, np.array([0.5, 0.999, 1.0]) * counted[-1])
+        quantiles = tuple(at.tolist()) if counted[-1] else (math.nan,) * 3
         counts = (self._scans, self._posed, self._early, self._dropped, self._stream.lost_packets)
         return LiveSummary(*counts, worked, overlap, missed, quantiles)
 
