@@ -63,11 +63,7 @@ def evaluate_logs(
         judge, more = _track([Path(reference)], ReadOptions(date=date, near_s=near_s))
     progress("Comparing", 0.0)
     found = evaluate(
-        judged,
-        judge,
-        antenna_offset_m=antenna_offset_m,
-        max_gap_s=max_gap_s,
-        fixed_reference_only=fixed_reference_only,
+        judged, judge, antenna_offset_m=antenna_offset_m, max_gap_s=max_gap_s, fixed_reference_only=fixed_reference_only
     )
     return replace(found, notices=(*notices, *more, *found.notices))
 

@@ -11,14 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.session.file import (
-    FURTHER,
-    MAX_PLACE_M,
-    apart,
-    implement_faults,
-    parse_toml,
-    together,
-)
+from furrowmap.core.session.file import FURTHER, MAX_PLACE_M, apart, implement_faults, parse_toml, together
 from furrowmap.core.values.machine import (
     MACHINE_SCHEMA,
     NOT_SHOWN_DEG,

@@ -273,11 +273,7 @@ def propose_session(
         *(Notice("crs-alternative", other=other) for other in (crs.alternatives if crs is not None else ())),
         *(Notice("recording", name=path.name, title=title) for title, path in beside.titled),
     ]
-    lacking = {
-        "no-lidar": not (sensed or states),
-        "no-positions": not (gnss or poses),
-        "no-crs": crs is None,
-    }
+    lacking = {"no-lidar": not (sensed or states), "no-positions": not (gnss or poses), "no-crs": crs is None}
     unused = [r for r in ordered if r not in used and r not in repeated]
     missing = [
         *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s <= 0),
