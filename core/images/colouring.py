@@ -185,8 +185,8 @@ class Colours:
         """The true orthophoto (4, rows, columns) of a part of a surface: red, green, blue, 255; 0 where none is seen.
 
         Heights between the middles of cells are interpolated linearly, to `finer` pixels across each; where a cell has
-        none there is no picture. Cells whose middle is hidden in all frames have none either. `wide` is the part and a
-        margin of one cell, as far as the surface goes, with heights or nan.
+        none there is no picture. Places that are hidden in all frames have none either. `wide` is the part and a margin
+        of one cell, as far as the surface goes, with heights or nan.
         """
         rows, columns = part.window_in(wide)
         out = np.zeros((4, part.rows * finer, part.columns * finer), np.uint8)
@@ -296,63 +296,61 @@ def blended_colours(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Kernel of :meth:`Colours.orthophoto`.
 
-    Frames are looked at from the middle of each cell of the surface; pixels within it follow by derivatives.
+    Weights of the frames are those of the middle of each cell of the surface.
 
     Args:
         begin: row and column of the first cell of `out` in `height`.
         pixels_across: a cell.
         place: easting and northing of the upper left corner of `out`, and zero of `height`, as `centre` has them.
     """
-    xyz, step, middle = np.empty(3), np.empty((3, 2)), 0.5 * (pixels_across - 1.0)
-    rise, rgb = np.empty((pixels_across, pixels_across)), np.empty((pixels_across, pixels_across, 3))
+    xyz, middle = np.zeros(3), 0.5 * (pixels_across - 1.0)
+    rise, sums = np.empty((pixels_across, pixels_across)), np.empty((pixels_across, pixels_across, 4))
     for row in range(out.shape[1] // pixels_across):
         for column in range(out.shape[2] // pixels_across):
             own = height[begin[0] + row, begin[1] + column]
-            xyz[0] = place[0] + (column + 0.5) * pixels_across * pixel_m
-            xyz[1] = place[1] - (row + 0.5) * pixels_across * pixel_m
-            xyz[2] = own + place[2]
+            e_m = place[0] + (column + 0.5) * pixels_across * pixel_m
+            n_m = place[1] - (row + 0.5) * pixels_across * pixel_m
+            xyz[0], xyz[1] = e_m, n_m
             cell = cell_of(xyz, corner, cell_m, columns, len(start) - 1)
             if not np.isfinite(own) or start[cell] == start[cell + 1]:
                 continue
             rise_within(height, begin[0] + row, begin[1] + column, rise)
-            total = 0.0
-            rgb[:] = 0.0
+            sums[:] = 0.0
             for at in range(start[cell], start[cell + 1]):
                 k = listed[at]
                 if not usable[k]:
                     continue
+                xyz[0], xyz[1], xyz[2] = e_m, n_m, own + place[2]
                 x, y, z = direction(xyz, centre, matrix, k)
                 square = x * x + y * y
                 if not (z > MIN_DISTANCE_M and square <= widest * widest):
                     continue
                 u, v = pixel_of(intrinsics, x, y)
-                if not is_seen(u, v, z, size, depth, slack, cell_px, k):
+                if not is_seen(u, v, -np.inf, size, depth, slack, cell_px, k):
                     continue
                 # It fades out towards the border of the image, where a frame begins or ends.
                 edge = min(min(u, size[0] - 1.0 - u) / size[0], min(v, size[1] - 1.0 - v) / size[1])
                 weight = min(1.0, 20.0 * edge) / (z * (1.0 + OFF_AXIS * square)) ** SHARPNESS
                 bright = weight * np.exp(-darkening(u, v, size, vignetting))
-                total += weight
-                for axis in range(3):
-                    ahead = z + matrix[k, 2, axis] * pixel_m
-                    to_x, to_y = x * z + matrix[k, 0, axis] * pixel_m, y * z + matrix[k, 1, axis] * pixel_m
-                    next_u, next_v = pixel_of(intrinsics, to_x / ahead, to_y / ahead)
-                    step[axis, 0], step[axis, 1] = next_u - u, next_v - v
                 for a in range(pixels_across):
                     for b in range(pixels_across):
-                        e, n, h = b - middle, middle - a, rise[a, b] / pixel_m
-                        at_u = u + e * step[0, 0] + n * step[1, 0] + h * step[2, 0]
-                        at_v = v + e * step[0, 1] + n * step[1, 1] + h * step[2, 1]
+                        xyz[0], xyz[1] = e_m + (b - middle) * pixel_m, n_m + (middle - a) * pixel_m
+                        xyz[2] = own + place[2] + rise[a, b]
+                        at_x, at_y, at_z = direction(xyz, centre, matrix, k)
+                        at_u, at_v = pixel_of(intrinsics, at_x, at_y)
+                        if not is_seen(at_u, at_v, at_z, size, depth, slack, cell_px, k):
+                            continue
+                        sums[a, b, 3] += weight
                         for channel in range(3):
                             shown = level(pixels, k, at_u, at_v, reduction, channel)
-                            rgb[a, b, channel] += shown * bright * factor[k, channel]
-            if total > 0.0:
-                for a in range(pixels_across):
-                    for b in range(pixels_across):
+                            sums[a, b, channel] += shown * bright * factor[k, channel]
+            for a in range(pixels_across):
+                for b in range(pixels_across):
+                    if sums[a, b, 3] > 0.0:
                         i, j = row * pixels_across + a, column * pixels_across + b
                         out[3, i, j] = OPAQUE
                         for channel in range(3):
-                            out[channel, i, j] = np.uint8(min(rgb[a, b, channel] / total, 255.0) + 0.5)
+                            out[channel, i, j] = np.uint8(min(sums[a, b, channel] / sums[a, b, 3], 255.0) + 0.5)
 
 
 @kernel()
