@@ -45,13 +45,10 @@ def aligned(lines: Sequence[Sequence[str]], left: int = 0) -> str:
 
 def parcel_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], whole: str) -> str:
     """Some columns of a table of parcels under their names; where rows are left out, the file `whole` is named."""
-    lines = [["id", *columns], *([printable(str(row["id"])), *(_short(row[name]) for name in columns)] for row in rows)]
+    cells = [["" if row[name] is None else f"{row[name]:.4g}" for name in columns] for row in rows]
+    lines = [["id", *columns], *([printable(str(row["id"])), *own] for row, own in zip(rows, cells, strict=True))]
     text = aligned(lines[: 1 + MAX_PARCELS])
     return f"{text}\n… {len(rows) - MAX_PARCELS} more in {whole}" if len(rows) > MAX_PARCELS else text
-
-
-def _short(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
 
 
 def _figure(name: str, value: Any) -> tuple[str, str]:

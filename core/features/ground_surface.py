@@ -80,7 +80,8 @@ def heights_above_ground(xyz_m: FloatArray, ground: BoolArray, cell_m: float) ->
     if bare.any():
         near = distance_transform_edt(~bare) * MEDIAN_CELL_M <= MAX_HIDDEN_M
         known = np.where(hidden & near, np.nan, known)
-    surface = _continued(known)
+    enough = np.count_nonzero(np.isfinite(known)) >= MIN_SLOPE_CELLS
+    surface = filled(known) if enough else from_nearest(known)
     above = _above(xyz_m, corner, surface)
     slope = np.hypot(*np.gradient(surface, MEDIAN_CELL_M))
     spread = medians(cell[ground], np.abs(above[ground]), shape)
@@ -88,11 +89,6 @@ def heights_above_ground(xyz_m: FloatArray, ground: BoolArray, cell_m: float) ->
     around = uniform_filter(np.where(seen, spread, 0.0), 3) / np.maximum(uniform_filter(seen.astype(float), 3), 1e-9)
     limit = np.clip(DEVIATIONS * 1.4826 * around, *GROUND_LIMITS_M) + SLOPE_M * np.minimum(slope, 1.0)
     return GroundHeights(above, _within(above, ground, cell, limit.ravel()), hidden.ravel()[cell], noise_m)
-
-
-def _continued(known: FloatArray) -> FloatArray:
-    """Heights without gaps."""
-    return filled(known) if np.count_nonzero(np.isfinite(known)) >= MIN_SLOPE_CELLS else from_nearest(known)
 
 
 def _hidden_cells(

@@ -108,7 +108,7 @@ def clean_points(
         OSError: if the temporary files cannot be written.
     """
     points = _wanted(clouds, cleaning, seen, progress)
-    if not cleaning.uses_neighbours:
+    if cleaning.outliers == "none" and cleaning.ground == "none" and cleaning.voxel_m is None:
         yield from (records[~(records["noise"] & cleaning.drop_noise)] for records in points)
         return
     with ExitStack() as stack:

@@ -41,8 +41,3 @@ class Cleaning:
         "--ground", default="none", choices=("none", "smrf", "csf"), label="Ground classification"
     )
     voxel_m: float | None = setting("--voxel", "METRES", minimum=0.001, maximum=10, label="Voxel size")
-
-    @property
-    def uses_neighbours(self) -> bool:
-        """Whether any step needs neighbouring points."""
-        return self.outliers != "none" or self.ground != "none" or self.voxel_m is not None

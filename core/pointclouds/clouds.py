@@ -13,7 +13,7 @@ from pyproj.crs import CompoundCRS
 
 from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
 from furrowmap.core.geodesy.crs_choice import choose_crs
-from furrowmap.core.readers.areas.area import Area, nothing_within, read_area
+from furrowmap.core.readers.areas.area import Area, nothing_within
 from furrowmap.core.readers.las.cloud import Box, CloudFile, Survey, open_cloud
 from furrowmap.core.readers.las.points import CloudBatch, TimeKind
 from furrowmap.core.runtime.arrays import FloatArray
@@ -189,11 +189,6 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     if height is not None and unit_m == 1.0:
         whole = CompoundCRS(f"{target.name} + {height.name}", [target, height])
     return Clouds(files, whole, change, unit_m, tuple(notices))
-
-
-def clip_clouds(clouds: Clouds, polygons: Path | None) -> Clouds:
-    """Clouds without the points outside the polygons of a file; raises InputError if these cannot be read."""
-    return clouds if polygons is None else replace(clouds, area=read_area(polygons, clouds.crs))
 
 
 def box_in(clouds: Clouds, box: Box | None, box_crs: pyproj.CRS | None) -> Box | None:

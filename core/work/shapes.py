@@ -45,7 +45,10 @@ def ribbons(sweep: Sweep) -> list[Ribbon]:
         sides = [_simplify(side[piece]) for side in (left, right)]
         polygon: BaseGeometry = shapely.Polygon(np.concatenate([sides[0], sides[1][::-1]])[:, :2])
         if not polygon.is_valid:
-            polygon = _union_of_steps(left[piece, :2], right[piece, :2])
+            # One end of the line goes backwards: the union of the ground under each of its steps.
+            a, b = left[piece, :2], right[piece, :2]
+            steps = shapely.polygons(np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1))
+            polygon = shapely.union_all(shapely.make_valid(steps))
         found.append(Ribbon(polygon, *sides))
     return found
 
@@ -83,12 +86,6 @@ def _simplify(side: FloatArray) -> FloatArray:
         held = tents[:, [0, -1]] @ vertices[[0, -1], :2]
         vertices[1:-1, :2] = np.linalg.lstsq(tents[:, 1:-1], side[:, :2] - held, rcond=None)[0]
     return vertices
-
-
-def _union_of_steps(left: FloatArray, right: FloatArray) -> BaseGeometry:
-    """The ground under each step of the line, one end of which goes backwards."""
-    steps = shapely.polygons(np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1))
-    return shapely.union_all(shapely.make_valid(steps))
 
 
 SLIVER_M: Final = 0.002

@@ -55,7 +55,8 @@ class StripDifferences:
 
     def of_pair(self, pair: tuple[int, int]) -> "StripDifferences":
         """The differences of one pair."""
-        return self._part((self.strip_a == pair[0]) & (self.strip_b == pair[1]))
+        chosen = (self.strip_a == pair[0]) & (self.strip_b == pair[1])
+        return replace(self, **{name: value[chosen] for name, value in vars(self).items() if name != "cell_m"})
 
     def figures(self) -> tuple[SwathDifferences | None, SwathDifferences | None]:
         """Statistics before and after; None without a difference."""
@@ -84,10 +85,6 @@ class StripDifferences:
             "after": after.plain() if after is not None else None,
             "pairs": rows,
         }
-
-    def _part(self, chosen: NDArray[np.bool_]) -> "StripDifferences":
-        arrays = {name: value[chosen] for name, value in vars(self).items() if name != "cell_m"}
-        return replace(self, **arrays)
 
 
 def strip_differences(
@@ -124,16 +121,13 @@ def strip_differences(
 
 def _look_up(before: CellHeights, after: CellHeights, groups: NDArray[np.intp]) -> FloatArray:
     """Heights of the same cells and strips in another placement of the returns; nan where there are too few."""
-    keys = [_keys(heights.place, heights.window) for heights in (before, after)]
+    # One whole number for a cell and a strip.
+    numbers = ((heights.place + (1 << 20), heights.window) for heights in (before, after))
+    keys = [((place[:, 0] << 21) + place[:, 1] << 16) + window for place, window in numbers]
     order = np.argsort(keys[0])
     at = order[np.minimum(np.searchsorted(keys[0], keys[1][groups], sorter=order), len(order) - 1)]
     known = (keys[0][at] == keys[1][groups]) & (before.count[at] >= MIN_GROUP_RETURNS)
     return np.where(known, before.height_m[at], np.nan)
-
-
-def _keys(place: IntArray, number: IntArray) -> IntArray:
-    """One whole number for a cell and a strip."""
-    return ((place[:, 0] + (1 << 20) << 21) + place[:, 1] + (1 << 20) << 16) + number
 
 
 def _coarsen(fine: StripDifferences) -> StripDifferences:

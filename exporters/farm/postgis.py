@@ -180,7 +180,8 @@ class PostgisEdit:
     def append(self, layer: Layer, crs: CRS) -> None:
         """Append features to a layer; a missing layer or column is created."""
         if layer.name in self.layers():
-            self._add_columns(layer)
+            for name in layer.columns.keys() - self.columns(layer.name):
+                self._do(SQL("ALTER TABLE {} ADD COLUMN {}").format(self._table(layer.name), self._column(layer, name)))
         else:
             self._create(layer, crs)
         names = [*([GEOMETRY] if layer.kind else []), *layer.columns]
@@ -317,10 +318,6 @@ class PostgisEdit:
         if layer.name == SESSIONS:
             return SQL("{} NOT NULL UNIQUE").format(column)
         return SQL("{} NOT NULL REFERENCES {} (session) ON DELETE CASCADE").format(column, self._table(SESSIONS))
-
-    def _add_columns(self, layer: Layer) -> None:
-        for name in layer.columns.keys() - self.columns(layer.name):
-            self._do(SQL("ALTER TABLE {} ADD COLUMN {}").format(self._table(layer.name), self._column(layer, name)))
 
     def columns(self, layer: str) -> set[str]:
         """Names of the columns of a layer's table."""

@@ -59,16 +59,11 @@ def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:
         columns = list(dict.fromkeys(column for row in rows for column in row))
         sheet.append([cell(column) for column in columns])
         for row in rows:
-            sheet.append([_value(row.get(column)) for column in columns])
+            values = [row.get(column) for column in columns]
+            sheet.append([None if isinstance(v, float) and not math.isfinite(v) else cell(v) for v in values])
         for head in sheet[1]:
             head.font = Font(bold=True)
             sheet.column_dimensions[head.column_letter].width = max(10, len(str(head.value)) + 2)
         sheet.freeze_panes = "A2"
     with atomic_output(path) as unfinished:
         book.save(unfinished)
-
-
-def _value(value: Any) -> object:
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return cell(value)

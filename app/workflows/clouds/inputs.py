@@ -1,6 +1,7 @@
 """What workflows of clouds share: the clouds and the box that settings state, and the report of the products."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,8 @@ from typing import Any
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, clip_clouds, near_box, open_clouds
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, near_box, open_clouds
+from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.json_text import json_text, plain
@@ -30,7 +32,7 @@ def open_inputs(clouds: Sequence[str | Path], settings: CloudSettings) -> Clouds
     """The clouds in the CRS that settings state, without the points outside their polygons."""
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     within = getattr(settings, "within", None)
-    return clip_clouds(opened, Path(within) if within is not None else None)
+    return opened if within is None else replace(opened, area=read_area(Path(within), opened.crs))
 
 
 def box_to_use(

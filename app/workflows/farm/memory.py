@@ -190,15 +190,11 @@ def _traffic(edit: FarmEdit, wanted: set[str]) -> FarmTraffic:
     )
     tracks = edit.read(TRACKS, ("session",))
     again = overlaps.columns["pass_a"] == overlaps.columns["pass_b"]
-    mine = [_of(layer, wanted) for layer in (passes, overlaps, tracks)]
+    mine = [np.array([s in wanted for s in layer.columns["session"]], bool) for layer in (passes, overlaps, tracks)]
     mine[1] &= again
     shapes = np.concatenate([passes.shapes[mine[0]], overlaps.shapes[mine[1]]])
     days = np.concatenate([passes.columns["date"][mine[0]], overlaps.columns["date"][mine[1]]])
     return FarmTraffic(shapes, days.astype("datetime64[D]"), shapely.force_2d(tracks.shapes[mine[2]]))
-
-
-def _of(layer: Layer, sessions: set[str]) -> NDArray[np.bool_]:
-    return np.array([session in sessions for session in layer.columns["session"]], bool)
 
 
 def _field_row(fields: Layer, wanted: str, farm_map: str) -> int:
