@@ -46,11 +46,8 @@ def parcel_shift(
 ) -> ParcelShift | None:
     """The shift of all parcels together with which they stand out most from the soil around; None for no other.
 
-    Args:
-        height_m: (rows, columns) of a surface with the crop, nan where unknown.
-        grid: that of the surface; it reaches MAX_PARCEL_SHIFT_M beyond the parcels where the surface does.
-        parcels: with crop on them.
-        height_sigma_m: stated standard deviation of a parcel's mean height.
+    `height_m` (rows, columns) is a surface with the crop, nan where unknown, which reaches MAX_PARCEL_SHIFT_M beyond
+    the parcels where it can; `height_sigma_m` is the stated standard deviation of a parcel's mean height.
     """
     if len(parcels) < MIN_SHIFTED_PARCELS or not np.isfinite(height_m).any():
         return None

@@ -179,15 +179,10 @@ def _fill(pixels, fewest):  # type: ignore[no-untyped-def]
 
 
 def soil_plane(pixels: FloatArray, grid: Grid, soil: BoolArray) -> tuple[float, float, float]:
-    """The plane by least squares through pixels of soil (section 3.5.3, equation 2).
+    """The plane by least squares through pixels (rows, columns) of soil (section 3.5.3, equation 2).
 
-    Args:
-        pixels: (rows, columns) heights; nan where unknown.
-        soil: (rows, columns) the pixels that are soil.
-
-    Returns:
-        Height at the grid's south-west corner, slope to the east, slope to the north; nan with fewer than three pixels
-        or pixels on one line.
+    Returns the height at the grid's south-west corner and the slopes to the east and to the north; nan with fewer than
+    three pixels or pixels on one line.
     """
     known = soil & np.isfinite(pixels)
     row, column = np.nonzero(known)

@@ -109,15 +109,10 @@ class _Nodes:
 
 
 def fit_logistic(dose: FloatArray, height: FloatArray, block: IntArray) -> Logistic:
-    """The curve by least squares, with 95 % intervals.
+    """The curve by least squares through heights (n,) over doses (n,), with 95 % intervals.
 
-    Args:
-        dose: (n,) of each observation.
-        height: (n,) or any other quantity that responds.
-        block: (n,) number of its block, from 0 without gaps; all 0 without blocks.
-
-    Raises:
-        ValueError: if there are fewer than four distinct doses, or fewer observations than parameters plus one.
+    `block` (n,) is the number of its block, from 0 without gaps. Raises ValueError if there are fewer than four
+    distinct doses, or fewer observations than parameters plus one.
     """
     seen = Observations.sum_up(dose, height, block)
     if len(seen.doses) < 4 or seen.freedom < 1:
@@ -328,12 +323,9 @@ class Response:
 def fit_response(
     dose: FloatArray, value: FloatArray, block: Sequence[str | None] | None = None, unit: str = ""
 ) -> Response:
-    """The response of parcels, of which those without dose or value are left out.
+    """The response of a value (n,) of parcels to their dose (n,); those without either (nan) are left out.
 
-    Args:
-        dose: (n,) of each parcel; nan where unknown.
-        value: (n,) of the quantity that responds, such as the mean height; nan where unknown.
-        block: (n,) labels; parcels without one are a block of their own.
+    `block` (n,) are labels; parcels without one are a block of their own.
     """
     known = np.isfinite(dose) & np.isfinite(value)
     names = np.array(["" if name is None else name for name in (block or [""] * len(dose))], object)[known]

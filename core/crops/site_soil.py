@@ -126,14 +126,9 @@ class SoilRaster:
 
 @contextmanager
 def open_soil_raster(path: Path, target: CRS, box_m: tuple[float, float, float, float]) -> Iterator[SoilRaster]:
-    """The heights of a GeoTIFF for positions on a map.
+    """The heights of a GeoTIFF for positions on a map within `box_m`: west, south, east, north.
 
-    Args:
-        box_m: west, south, east, north of the site on the map.
-
-    Raises:
-        InputError: if it is no such raster.
-        RefusedError: if PROJ has no exact transformation to its CRS.
+    Raises InputError if it is no such raster, RefusedError if PROJ has no exact transformation to its CRS.
     """
 
     def unusable(path: Path, why: str) -> InputError:

@@ -335,12 +335,8 @@ def _complete_tie(found: DifferencePatches, middle_m: FloatArray, place: FloatAr
 def tie_points(xy_m: FloatArray, above_m: FloatArray, sigma_m: FloatArray, middle_m: FloatArray) -> PairTie | None:
     """Tie a surface to surveyed points (n, 2), in height and, by three or more that do not lie in a row, in tilt.
 
-    Args:
-        above_m: (n,) height of the surface less that of the point.
-        sigma_m: (n,) standard deviations of these.
-
-    Returns:
-        What moves the surface onto the points; None without points.
+    `above_m` (n,) is the height of the surface less that of the point, `sigma_m` (n,) its standard deviation. Returns
+    what moves the surface onto the points; None without points.
     """
     if not len(above_m):
         return None

@@ -22,14 +22,9 @@ def move_surface(
 ) -> Float32Array:
     """Heights of the cells of `part` in a surface that was moved.
 
-    Bilinear between the cells' middles; a cell whose neighbours are unknown takes the nearest.
-
-    Args:
-        height_m: (rows, columns) of `around`; nan where unknown.
-        around: cells of the surface as measured, at least the margin of :func:`reach_cells` larger than `part`.
-        part: the cells wanted.
-        move: (6,) in the order of :data:`furrowmap.core.dates.pair_tie.MOVE_NAMES`.
-        middle_m: (2,) easting and northing that it turns and tilts about.
+    Bilinear between the cells' middles; a cell whose neighbours are unknown takes the nearest. `around` are the cells
+    of the surface (nan where unknown), at least the margin of :func:`reach_cells` larger than `part`; `move` (6,) is in
+    the order of :data:`furrowmap.core.dates.pair_tie.MOVE_NAMES`, about the place `middle_m` (2,).
     """
     out = np.full(part.shape, np.nan, np.float32)
     west, north = part.west * part.cell_m - middle_m[0], part.north * part.cell_m - middle_m[1]

@@ -80,13 +80,9 @@ def cell_surface(
     """The surface of a statistic on a grid of at most 65,536 cells.
 
     The spread of percentiles and of the trimmed mean is 1.4826 times the median absolute deviation, else the standard
-    deviation. Mean, least and greatest height need no sorting, which makes them five times as fast.
-
-    Args:
-        cell: (n,) flat index of the cell of each point.
-        height_m: (n,) less `base_m`.
-        base_m: added to all heights.
-        kept: (n,) which points take part; None for all.
+    deviation. Mean, least and greatest height need no sorting, which makes them five times as fast. `cell` (n,) is the
+    flat index of the cell of each point, `height_m` (n,) its height less `base_m`; `kept` (n,) are the points that take
+    part.
     """
     cells = grid.rows * grid.columns
     kept = np.ones(len(cell), np.bool_) if kept is None else kept

@@ -90,14 +90,8 @@ def external_states(
 ) -> tuple[ToolStates | None, tuple[Notice, ...]]:
     """States of an implement from the files that the session names, by the clock of the positions, and warnings.
 
-    Args:
-        paths: the files; without any there are no states.
-        implement: says how the clocks differ.
-        task: which of several in task data; None where they hold one.
-        trajectory: of the vehicle: a state that lasts to the end of the drive ends with it.
-
-    Raises:
-        InputError: if they cannot be read, hold no states, or none in the time of the trajectory.
+    `task` is which of several in task data; a state that lasts to the end of the drive ends with the trajectory. Raises
+    InputError if the files cannot be read, hold no states, or none in the time of the trajectory.
     """
     if not paths:
         return None, ()

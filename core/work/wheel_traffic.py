@@ -24,15 +24,9 @@ def wheel_passages(
 
     The wheels roll along the path of the middle of the axle, at half the track width on either side of it. A cell is
     passed where its centre is below the tyre, and again once the wheel has driven on by :data:`AGAIN_M` before it
-    returns.
-
-    Args:
-        paths_m: (n, 3) easting and northing of the middle of the axle and the distance driven since the beginning, at
-            least two places each, one piece of driving after the other.
-        track_width_m: between the middles of the tyres.
-
-    Returns:
-        (rows, columns) number of passages of both wheels.
+    returns. `paths_m` (n, 3) are easting and northing of the middle of the axle and the distance driven, at least two
+    places each; the track width is between the middles of the tyres. Returns (rows, columns) the number of passages of
+    both wheels.
     """
     counts, last = np.zeros(grid.shape, np.uint16), np.full(grid.shape, -np.inf)
     west, _, _, north = grid.bounds_m

@@ -45,7 +45,7 @@ _MAX_SMALL_BYTES: Final = 16 << 20
 def hold_lease(folder: Path) -> Iterator[Path]:
     """Keep other runs from writing to `folder`.
 
-    Yields: A folder of one's own inside `folder`, which is removed at the end, unless it has a file COMPLETE. Raises
+    Yields a folder of one's own inside `folder`, which is removed at the end, unless it has a file COMPLETE. Raises
     RefusedError if another run is writing there.
     """
     own = folder / f"{PREFIX}{Owner.here().words()}-{secrets.token_hex(4)}"
