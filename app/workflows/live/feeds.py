@@ -26,6 +26,8 @@ from furrowmap.core.values.session import Recording
 
 POLL_S: Final = 0.01
 STATUS_EVERY_S: Final = 0.5
+SILENT_S: Final = 2.0
+"""Without scans for so long it is said that they are waited for."""
 FEED_STEP_S: Final = 0.01
 """A recording is played in pieces of so long."""
 GNSS_DELAY_S: Final = 0.05
@@ -92,16 +94,23 @@ class FolderFeed:
         threads = [Thread(target=self._follow, args=series, daemon=True) for series in self._series]
         for thread in threads:
             thread.start()
+        scans_s = time.monotonic()  # when the last scans came, or their lack was said
         while any(thread.is_alive() for thread in threads) or not self._queue.empty():
             self._look()
+            if self._queue.empty() and time.monotonic() - scans_s > SILENT_S:
+                scans_s = time.monotonic()
+                yield Input(InputError("live-waits"), time.time())
             try:
                 data, due_s = self._queue.get(timeout=0.2)
             except Empty:
                 continue
             try:
-                yield Input(data if isinstance(data, bytes) else self._scans.push(data), due_s)
+                come = data if isinstance(data, bytes) else self._scans.push(data)
             except InputError as error:
                 yield Input(error, due_s)
+                continue
+            scans_s = time.monotonic() if isinstance(come, list) and come else scans_s
+            yield Input(come, due_s)
 
     def _look(self) -> None:
         """Read the recorder's status now and then."""

@@ -148,7 +148,7 @@ def live(
             elif isinstance(piece.data, list):
                 watch.take(piece.data, piece.due_s, feed.status)
             else:
-                outlets.wait_for(piece.data)
+                outlets.wait_for(piece.data, feed.status.get("warnings", ()))
     return LiveSummary() if watch is None else watch.summary()
 
 
@@ -160,7 +160,7 @@ def _opened(file: Path, outlets: "Outlets", stop: Event) -> OpenSession | None:
         except FurrowmapError as error:
             begun = file.exists() and FILL_IN not in error.what
             warnings = recorder_status(file.parent).get("warnings", ())
-            outlets.wait_for(error if begun else InputError("live-nothing-yet"), warnings)
+            outlets.wait_for(error if begun else InputError("live-waits"), warnings)
         stop.wait(OPEN_EVERY_S)
     return None
 

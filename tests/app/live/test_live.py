@@ -216,13 +216,16 @@ def test_feed__follows_the_first_scanner_and_the_receiver_from_file_to_file(
             scans += piece.data
         elif isinstance(piece.data, InputError):
             waited.append(piece.data.what)
-        if log == b"before," and waited and not (tmp_path / "gnss-0002.log").exists():
+        if (
+            log == b"before,"
+            and any("datagrams" in what for what in waited)
+            and not (tmp_path / "gnss-0002.log").exists()
+        ):
             write()
         if log.endswith(b"next file") and len(scans) > 40:
             (tmp_path / "status.json").write_text('{"state": "ended"}')
     assert log == b"before,more,the next file"
-    assert waited
-    assert "2 other UDP datagrams" in waited[0]
+    assert any("2 other UDP datagrams" in what for what in waited)
     of_file = list(open_session(simulated.session).lidar(0.0).scans())
     assert [len(scan) for scan in scans] == [len(scan) for scan in of_file][: len(scans)]
 
@@ -238,8 +241,8 @@ def test_folder__whose_recorder_waits_for_its_sensors_is_waited_for(tmp_path: Pa
             stop.set()
 
     furrowmap.live(tmp_path, port=None, nmea_port=None, stop=stop, on_scan=hear)
-    waits = InputError("live-nothing-yet")
-    assert "packets of the scanner" in waits.what
+    waits = InputError("live-waits")
+    assert "Packets of the scanner" in waits.what
     assert said == [{"waiting": waits.what}] * 2
 
 
@@ -247,7 +250,7 @@ def test_waiting_and_warnings__are_said_in_the_languages_of_readers() -> None:
     hub = Hub()
     joined = hub.join()
     assert joined is not None
-    outlets, waits = Outlets(Pictures(), hub, Hub(), None, None, None), InputError("live-nothing-yet")
+    outlets, waits = Outlets(Pictures(), hub, Hub(), None, None, None), InputError("live-waits")
     silent = Notice("record-silent", source="192.168.1.201", age_s=3.0)  # as the recorder's status has it
     outlets.wait_for(waits, [{"code": silent.code, "text": silent.text}])
     said = json.loads(joined[1].get_nowait().decode().partition("data: ")[2])
