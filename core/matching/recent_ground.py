@@ -180,11 +180,25 @@ def _likely_turn(points, place_m, cells, keys):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _matched(points, place_m, cells, keys, prior):  # type: ignore[no-untyped-def]
+    """What `_matched_from` finds from the expected turn, or from the likely one if heights then fit better.
+
+    In a scan in which the vehicle rocks, the likely one alone may be wrong.
+    """
+    best = _matched_from(0.0, points, place_m, cells, keys, prior)
+    turn = _likely_turn(points, place_m, cells, keys)
+    if turn == 0.0:
+        return best
+    other = _matched_from(turn, points, place_m, cells, keys, prior)
+    return other if other[3] * best[2] < best[3] * other[2] else best
+
+
+@kernel()
+def _matched_from(turn, points, place_m, cells, keys, prior):  # type: ignore[no-untyped-def]
     """Shifts and turns (6,) by Gauss and Newton, their normal equations, and how many returns lie on known ground."""
     found, row = np.zeros(6), np.zeros(6)
     normal = np.diag(prior)
     used, squares = 0, 0.0
-    found[5] = _likely_turn(points, place_m, cells, keys)
+    found[5] = turn
     for _ in range(TURN_ROUNDS):
         normal, right, used, squares = np.diag(prior), -prior * found, 0, 0.0
         for i in range(len(points)):

@@ -58,8 +58,7 @@ UNSEEN_TURN_RADPS: Final = np.radians(10.0)
 MOVE_SIGMA: Final = np.array([0.01, 0.01, 0.05, 0.01, 0.01, 0.02])
 """Of what is expected of a scan: place and height (m), turns about the axes (rad)."""
 LOST_STEP_SIGMA_M: Final = 0.05
-"""The same for the place without positions, where the vehicle may have stopped, or while the heading is not sure."""
-SURE_HEADING_DEG: Final = 2.0
+"""The same for the place without positions, where the vehicle may have stopped."""
 MAX_CORRECTION_M: Final = 0.05
 """Steps of the positions beyond it, as of another quality, do not move the recent ground."""
 PLANE_RANGE_M: Final = (SELF_RANGE_M[0], 9.0)
@@ -346,7 +345,7 @@ class _Drive:
         velocity = self.speed_mps * _direction(yaw)
         step, on_map, lost = velocity * step_s, last[8:], True
         if pose is not None:
-            lost = pose.position_age_s > MAX_CARRIED_S or pose.sigma[5] > SURE_HEADING_DEG
+            lost = pose.position_age_s > MAX_CARRIED_S
             on_map = np.array(pose.xyz_m[:2])
             back = yaw - float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
             by_positions = np.array([_direction(back), _direction(back + 0.5 * np.pi)]).T @ (on_map - last[8:])
