@@ -26,7 +26,7 @@ from furrowmap.core.values.session import Recording
 
 POLL_S: Final = 0.01
 STATUS_EVERY_S: Final = 0.5
-SILENT_S: Final = 2.0
+SCANLESS_S: Final = 2.0
 """Without scans for so long it is said that they are waited for."""
 FEED_STEP_S: Final = 0.01
 """A recording is played in pieces of so long."""
@@ -97,7 +97,7 @@ class FolderFeed:
         scans_s = time.monotonic()  # when the last scans came, or their lack was said
         while any(thread.is_alive() for thread in threads) or not self._queue.empty():
             self._look()
-            if self._queue.empty() and time.monotonic() - scans_s > SILENT_S:
+            if self._queue.empty() and time.monotonic() - scans_s > SCANLESS_S:
                 scans_s = time.monotonic()
                 yield Input(InputError("live-waits"), time.time())
             try:
