@@ -81,9 +81,7 @@ def live(
     on_scan: Callable[[dict[str, Any]], None] | None = None,
     stop: Event | None = None,
 ) -> LiveSummary:
-    """Watch a session while it is recorded, until the recorder ends.
-
-    It ends before when `stop` is set, or with the KeyboardInterrupt of the main thread.
+    """Watch a session while it is recorded, until the recorder ends, `stop` is set, or a KeyboardInterrupt.
 
     Args:
         recording: the folder that `furrowmap record` writes; with `play` the session file of an earlier recording.
@@ -137,7 +135,7 @@ def live(
         feed: FolderFeed | PlayedFeed = (
             PlayedFeed(opened, scans, play, stop)
             if play
-            else FolderFeed(Path(recording), opened.session.recording, scans, stop)
+            else (FolderFeed(Path(recording), opened.session.recording, scans, stop))
         )
         watch = LiveWatch(session, opened.frame, scans, outlets, None if play else Path(recording))
         for piece in feed.pieces():
