@@ -294,14 +294,9 @@ def blended_colours(  # type: ignore[no-untyped-def]
     height, begin, pixels_across, place, pixel_m, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
     corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out,
 ):  # fmt: skip
-    """Kernel of :meth:`Colours.orthophoto`.
+    """Kernel of :meth:`Colours.orthophoto`; the weights of the frames are those of the middle of each cell.
 
-    Weights of the frames are those of the middle of each cell of the surface.
-
-    Args:
-        begin: row and column of the first cell of `out` in `height`.
-        pixels_across: a cell.
-        place: easting and northing of the upper left corner of `out`, and zero of `height`, as `centre` has them.
+    `out` begins in a cell of `height`, at the easting, northing of `place`, which also has the zero of the heights.
     """
     xyz, middle = np.zeros(3), 0.5 * (pixels_across - 1.0)
     rise, sums = np.empty((pixels_across, pixels_across)), np.empty((pixels_across, pixels_across, 4))

@@ -41,11 +41,7 @@ OF_SCALE: Final = 0.06
 
 @dataclass(frozen=True)
 class Features:
-    """Features of some images.
-
-    `places` of each image are (k, 3) column, row and standard deviation of both; `descriptors` (n, MAX_IMAGE_FEATURES,
-    DESCRIPTOR) uint8 are SIFT's own, k of each image.
-    """
+    """Places (k, 3) of each image: column, row, sigma of both; SIFT's descriptors (n, MAX_IMAGE_FEATURES, 128)."""
 
     places: tuple[FloatArray, ...]
     descriptors: NDArray[np.uint8]

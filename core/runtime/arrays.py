@@ -33,7 +33,7 @@ ROWS_AT_ONCE: Final = 1 << 15
 """Rows that are computed together where intermediate results would be large."""
 RESIDENT_FILES: Final = 400 << 20
 """Bytes of mapped files in memory during a run, half of which are libraries."""
-RELEASE_S: Final = 0.5
+RELEASE_S: Final = 0.1
 _mapped: WeakSet[mmap.mmap] = WeakSet()
 """Files of arrays in use."""
 

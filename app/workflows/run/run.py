@@ -150,7 +150,6 @@ def _import_products() -> None:
         import furrowmap.workflows.run.products  # noqa: F401
 
 
-@cache
 def _prepare_last_step() -> None:
     """Load what the last step of a run needs, which a single thread does, while other steps leave a core idle."""
     from furrowmap.exporters.reports.pages import compile_templates
