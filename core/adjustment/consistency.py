@@ -12,6 +12,7 @@ import numpy as np
 from furrowmap.core.adjustment.antenna_sway import LEVER_CERTAIN_SIGMAS, AntennaSway
 from furrowmap.core.adjustment.clock_offset import CAUSE_CLEAR_RATIO, MIN_OFFSET_GAIN, AntennaConstants
 from furrowmap.core.adjustment.problem import Adjusted
+from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S
 from furrowmap.core.estimation.vehicle import SLIP, SLIP_EVERY_S, AxleSteps
 from furrowmap.core.runtime import arrays
@@ -49,10 +50,12 @@ class GroundTilt:
     Attributes:
         tilt_deg: angle between the vehicle's z axis and the upward normal of the ground; 0 where it is as it should be.
         upside_down: whether it would be as it should be with the scanner turned over.
+        facing: which way the scanner faces by what stands, where scans see too little ground to be matched.
     """
 
     tilt_deg: float = 0.0
     upside_down: bool = False
+    facing: Facing = field(default_factory=Facing)
 
 
 LEVEL_GROUND: Final = GroundTilt()
@@ -167,7 +170,7 @@ class Seen:
     def cause(self) -> Cause | None:
         """The likely cause of a contradiction; None where there is none."""
         c = self.constants
-        if self.ground.tilt_deg:
+        if self.ground.tilt_deg or self.ground.facing.offset_deg:
             return Cause.UPSIDE_DOWN if self.ground.upside_down else Cause.MOUNTING
         if self.factor <= 1.0 and self.slow_times == 1.0:
             return None
@@ -205,6 +208,8 @@ def contradiction_notice(seen: Seen) -> Notice | None:
     shown = []
     if seen.ground.tilt_deg:
         shown.append(f"the ground is tilted by {seen.ground.tilt_deg:.0f}° in the vehicle frame")
+    if turn_deg := seen.ground.facing.offset_deg:
+        shown.append(f"plants stay in one place with the scanner turned by {turn_deg:+.0f}° about the vertical")
     if seen.slip > MAX_SLIP:
         shown.append(f"the rear axle slips sideways {seen.slip:.1f} times as much as wheels do")
     if seen.drift > MAX_DRIFT:
@@ -268,7 +273,7 @@ def enlarge_sigmas(
     if seen.cause is None:
         return trajectory
     sigma, c = trajectory.sigma * max(seen.factor, 1.0), seen.constants
-    turn_deg = seen.ground.tilt_deg
+    turn_deg, turned_deg = seen.ground.tilt_deg, max(turned_deg, abs(seen.ground.facing.offset_deg))
     place_m = 2.0 * float(np.linalg.norm(sensor_m)) if turn_deg else 0.0
     if seen.lever_m is not None:
         place_m = max(place_m, float(np.linalg.norm(np.subtract(seen.lever_m, lever_m))))

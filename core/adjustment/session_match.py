@@ -20,8 +20,18 @@ from furrowmap.core.adjustment.consistency import (
     enlarge_sigmas,
     ground_tilt,
 )
-from furrowmap.core.adjustment.match_report import FACING_ASSUMED, LEVER_ASSUMED, height_is_off, slow_errors_unchecked
-from furrowmap.core.adjustment.matched import Matched, Prepared, match, prepare
+from furrowmap.core.adjustment.matched import (
+    FACING_ASSUMED,
+    LEVER_ASSUMED,
+    Matched,
+    Prepared,
+    height_is_off,
+    match,
+    prepare,
+    slow_errors_unchecked,
+)
+from furrowmap.core.adjustment.yaw_ambiguity import facing
+from furrowmap.core.estimation.knots import knots_over, start_from
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead
@@ -72,8 +82,8 @@ def match_to_ground(
         return replace(located, notices=(*located.notices, _UNSOLVED)), None
     if matched is None:
         assert located.antenna is not None
-        assumed = (FACING_ASSUMED, *((LEVER_ASSUMED,) if any(lever_arm_m(session)) else ()))
-        assumed = (*assumed, slow_errors_unchecked(located.antenna))
+        possible = ((FACING_ASSUMED, not ground.facing.shown), (LEVER_ASSUMED, any(lever_arm_m(session))))
+        assumed = (*(notice for notice, holds in possible if holds), slow_errors_unchecked(located.antenna))
         located, seen = replace(located, notices=(*located.notices, *assumed)), Seen(ground=ground)
         if (notice := contradiction_notice(seen)) is None:
             return located, None
@@ -188,7 +198,12 @@ def _prepared(
     ground = ground_tilt(first, mounting)
     returns = ground_returns(chain(first, scans), mounting, located.trajectory, on_scan)
     lever_m, tool = lever_arm_m(session), tool_of(session)
-    return prepare(returns, located.trajectory, located.antenna, lever_m, mounting, tool, ground, located.aid), ground
+    prepared = prepare(returns, located.trajectory, located.antenna, lever_m, mounting, tool, ground, located.aid)
+    if prepared is None and len(t_s := returns.standing.t_s):
+        knots, origin_m = knots_over(t_s), np.round(np.median(located.trajectory.xyz_m, axis=0))
+        state, sensor_m = start_from(located.trajectory, knots, origin_m), np.asarray(mounting.xyz_m)
+        ground = replace(ground, facing=facing(returns, knots, state, sensor_m))
+    return prepared, ground
 
 
 def tool_of(session: Session) -> Tool | None:

@@ -6,14 +6,16 @@ only. The measure is that of :class:`~furrowmap.core.matching.ground.Relief`: th
 and odd scans at the same place, which is the relief's variance where they agree and zero where they do not. GNSS poses
 suffice, because each scan's own slope and bow are removed from its heights, and what stays in one place of the vehicle
 frame: the rings of lasers whose ranges are off, which on smooth ground repeat under a quarter turn. Where the soil is
-too smooth, upright returns decide, by the share of them that even and odd scans have at the same place. Where neither
-shows one angle that stands out from all others, the stated one is assumed.
+too smooth, upright returns decide, by the share of them that even and odd scans have at the same place: first those off
+the vehicle's body, then all, for a standing crop all around is taken for the body. Where nothing shows one angle that
+stands out from all others, the stated one is assumed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Final
 
@@ -22,6 +24,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.matching.returns import GroundReturns
+from furrowmap.core.matching.walls import UprightReturns
 from furrowmap.core.runtime.arrays import FloatArray
 
 Measure = Callable[[FloatArray], FloatArray]
@@ -46,6 +49,9 @@ MAX_YAW_RETURNS: Final = 10_000
 MIN_YAW_SCAN_RETURNS: Final = 50
 HALVES_CELL_M: Final = 0.15
 UPRIGHT_CELL_M: Final = 0.25
+PLANT_CELL_M: Final = 0.1
+MIN_PLANT_SHARE: Final = 0.01
+"""The best angle shows so much more of plants, which are finer than walls, than half a turn away."""
 MIN_YAW_UPRIGHT: Final = 300
 ROUGH_M: Final = 0.03
 """Heights beyond count less when a scan's slope is found, and twice that is the most relief that counts at all."""
@@ -78,8 +84,8 @@ class Facing:
         shown: whether relief or upright returns show that; else the stated mounting is assumed.
     """
 
-    offset_deg: float
-    shown: bool
+    offset_deg: float = 0.0
+    shown: bool = False
 
 
 def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatArray) -> Facing:
@@ -91,29 +97,35 @@ def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatAr
         state: poses at them, as GNSS alone has them.
         sensor_m: (3,) the sensor in the vehicle frame.
     """
-    windows, upright = _windows(knots, state), returns.upright
-    lying, standing = (
-        [slice(int(a), int(b)) for a, b in np.searchsorted(t_s, windows)] for t_s in (returns.t_s, upright.t_s)
-    )
+    windows = _windows(knots, state)
+
+    def parts(t_s: FloatArray) -> list[slice]:
+        return [slice(int(a), int(b)) for a, b in np.searchsorted(t_s, windows)]
 
     def relief(turns: FloatArray) -> FloatArray:
-        return _relief_in_both_halves(returns, lying, knots, state, sensor_m, turns)
+        return _relief_in_both_halves(returns, parts(returns.t_s), knots, state, sensor_m, turns)
 
-    def shares(turns: FloatArray) -> FloatArray:
+    def shares(upright: UprightReturns, cell_m: float, turns: FloatArray) -> FloatArray:
         """(n, turns) share of upright returns that both halves of the scans have in one place."""
         out = []
-        for part in standing:
+        for part in parts(upright.t_s):
             vehicle, half = np.asarray(upright.xyz_m[part], np.float64), np.array(upright.half[part], np.int64)
             if len(half) >= MIN_YAW_UPRIGHT:
-                cells = _cells(np.array(upright.t_s[part]), vehicle, knots, state, sensor_m, turns, UPRIGHT_CELL_M)
+                cells = _cells(np.array(upright.t_s[part]), vehicle, knots, state, sensor_m, turns, cell_m)
                 out.append([2.0 * _by_half(cell, half).min(axis=1).sum() / len(half) for cell in cells])
         return np.array(out).reshape(-1, len(turns))
 
-    for measure, least in ((relief, MIN_RELIEF_M**2), (shares, MIN_UPRIGHT_SHARE)):
+    def crop(turns: FloatArray) -> FloatArray:
+        """The same of all, less that half a turn away, where rows of plants and the vehicle's body are as they are."""
+        both = shares(returns.standing, PLANT_CELL_M, np.concatenate([turns, turns + np.pi]))
+        return both[:, : len(turns)] - both[:, len(turns) :]
+
+    walls = partial(shares, returns.upright, UPRIGHT_CELL_M)
+    for measure, least in ((relief, MIN_RELIEF_M**2), (walls, MIN_UPRIGHT_SHARE), (crop, MIN_PLANT_SHARE)):
         found = _answer(measure, least)
         if found is not None:
             return found
-    return Facing(0.0, shown=False)
+    return Facing()
 
 
 def _answer(measure: Measure, least: float) -> Facing | None:

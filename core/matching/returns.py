@@ -61,6 +61,7 @@ class GroundReturns:
             vehicle's origin in the middle.
         upright: upright returns, off the vehicle's body as well.
         laser: (n,) uint8 which laser measured a return; none of them where that is not known.
+        standing: all upright returns: a standing crop all around is taken for the body.
     """
 
     t_s: FloatArray
@@ -69,6 +70,7 @@ class GroundReturns:
     body: NDArray[np.bool_]
     upright: UprightReturns = field(default_factory=no_upright)
     laser: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
+    standing: UprightReturns = field(default_factory=no_upright)
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -88,7 +90,7 @@ class GroundReturns:
         u = self.upright
         arrays = _outside(self.t_s, spans_s, self.xyz_m, self.half, self.laser)
         upright = UprightReturns(*_outside(u.t_s, spans_s, u.xyz_m, u.half, u.laser))
-        return GroundReturns(*arrays[:3], self.body, upright, arrays[3])
+        return GroundReturns(*arrays[:3], self.body, upright, arrays[3], self.standing)
 
 
 def _outside(t_s: FloatArray, spans_s: Sequence[Span], *beside: NDArray[Any]) -> tuple[Any, Any, Any, Any]:
@@ -156,9 +158,9 @@ def ground_returns(
                 scratch.add(t_s[index], xyz_m, np.full(len(index), number % 2, np.uint8), scan.laser[index])
         margin = np.ones((2 * BODY_MARGIN + 1, 2 * BODY_MARGIN + 1), np.bool_)
         body = binary_dilation(seen >= max(1.0, BODY_SHARE * count), margin)
-        what_stands = UprightReturns(*_without_body(upright.stored(), body))
+        what_stands, all_standing = (UprightReturns(*_without_body(upright.stored(), b)) for b in (body, body & False))
         times, places, halves, lasers = _without_body(ground.stored(), body)
-        return GroundReturns(times, places, halves, body, what_stands, lasers)
+        return GroundReturns(times, places, halves, body, what_stands, lasers, all_standing)
 
 
 def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:

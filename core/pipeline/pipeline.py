@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.adjustment.boresight import Boresight, boresight_notices
-from furrowmap.core.adjustment.creep import held_against_strips
+from furrowmap.core.adjustment.boresight import Boresight, boresight_notices, held_against_strips
 from furrowmap.core.adjustment.strip_adjustment import (
     StripAdjustment,
     calibrate_flight,

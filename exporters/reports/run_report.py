@@ -136,13 +136,14 @@ AT_TOP: Final = frozenset(
 """Codes of what was corrected, or is assumed, and moves the whole of a cloud: reports show it at the top."""
 
 FLIGHT_CAUSES: Final = {
+    "contradiction.contradiction-notice": "mounting",
     "imu-turned": "mounting",
     "geoid-separation": "geoid",
     "parcels-beside-crop": "parcels",
     CONTRADICTING: "camera",
     CHECK_POINTS_OFF: "check-points",
 }
-"""Codes of contradictions of a trajectory with an IMU beside those of CONTRADICTION, and the cause that each names."""
+"""Codes of contradictions without matching beside those of CONTRADICTION, and the cause that each names."""
 
 
 def verdict(found: RunResult) -> dict[str, Any]:
@@ -158,7 +159,7 @@ def verdict(found: RunResult) -> dict[str, Any]:
         if contradictions:
             seen |= {"consistent": False, "cause": seen["cause"] or "check-points"}
     else:
-        kinds = [FLIGHT_CAUSES.get(n.code, n.key.partition(".")[2]) for n in contradictions]
+        kinds = [FLIGHT_CAUSES.get(n.code, FLIGHT_CAUSES.get(n.key, n.key.partition(".")[2])) for n in contradictions]
         seen = {"consistent": not kinds if found.located.source == "imu" or kinds else None}
         seen |= {"cause": kinds[0] if kinds else None, "causes": kinds} if seen["consistent"] is not None else {}
     doubtful = [*contradictions[1:], *(notice for notice in found.notices if notice.code in AT_TOP)]

@@ -15,6 +15,7 @@ from furrowmap.core.adjustment.consistency import (
     contradiction_notice,
     enlarge_sigmas,
 )
+from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.values.trajectory import Trajectory
 
 CLOCK = AntennaConstants(clock_s=0.4, clock_sigma_s=0.01, clock_gain=1e5, lever_gain=1e2)
@@ -23,6 +24,8 @@ EITHER = AntennaConstants(clock_s=0.4, lever_m=(-0.6, 0.8), clock_gain=1e5, leve
 SWAY = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01))
 SWAY_LATE = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01), clock_s=-1.0)
 SWAY_ALONE = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01), unrelated=True)
+
+BACKWARDS = GroundTilt(facing=Facing(180.0, shown=True))
 
 
 @pytest.mark.parametrize(
@@ -43,6 +46,7 @@ SWAY_ALONE = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01), unre
         (Seen(constants=EITHER), Cause.CLOCK_OR_LEVER_ARM, ("does not separate",)),
         (Seen(ground=GroundTilt(178.0, upside_down=True)), Cause.UPSIDE_DOWN, ("178°", "upside down")),
         (Seen(ground=GroundTilt(60.0)), Cause.MOUNTING, ("60°", "mounting of the scanner")),
+        (Seen(ground=BACKWARDS), Cause.MOUNTING, ("turned by +180°", "mounting of the scanner")),
         (Seen(sway=SWAY), Cause.LEVER_ARM, ("further up by +0.500 ± 0.020 m (95 %)",)),
         (Seen(sway=SWAY_LATE), Cause.CLOCK, ("-1.00 s apart",)),
         (Seen(sway=SWAY_ALONE), Cause.CLOCK_OR_LEVER_ARM, ("does not separate",)),
@@ -185,6 +189,11 @@ def test_sigmas__grow_to_what_the_cause_moves(seen: Seen, place_m: float, turn_d
     np.testing.assert_allclose(found[:, :3], np.hypot(grown[:, :3], place_m))
     np.testing.assert_allclose(found[:, 3:5], np.hypot(grown[:, 3:5], turn_deg))
     np.testing.assert_allclose(found[:, 5], np.hypot(grown[:, 5], 1.5))
+
+
+def test_sigmas__of_headings_hold_a_scanner_that_faces_backwards() -> None:
+    found = enlarge_sigmas(straight(), Seen(ground=BACKWARDS), LEVER_M, SENSOR_M).sigma
+    np.testing.assert_allclose(found[:, 5], np.hypot(straight().sigma[:, 5], 180.0))
 
 
 def test_sigmas__of_an_unknown_cause_hold_a_lever_arm_that_the_sway_leaves_open() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.bridging import held_by_positions
-from furrowmap.core.adjustment.match_report import unheld_notices
+from furrowmap.core.adjustment.matched import unheld_notices
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.match_report import mounting_notices
+from furrowmap.core.adjustment.matched import mounting_notices
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration, mounting_calibration
 from furrowmap.core.adjustment.steps import crab_equations
 from furrowmap.core.adjustment.yaw_ambiguity import Facing

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.creep import held_against_strips, positions_creep_mps
+from furrowmap.core.adjustment.boresight import held_against_strips, positions_creep_mps
 from furrowmap.core.adjustment.strips import StripReturns
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import trajectory_from_attitude
