@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.readers.facts import drop_implausible_positions
+from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.positions import sigmas_m, without_jumps

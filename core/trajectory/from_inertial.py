@@ -28,7 +28,7 @@ from furrowmap.core.estimation.inertial import (
 )
 from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, ROTATION, StateBlock, normal_equations
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.readers.facts import spans_in_words
+from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import CONTRADICTION, InputError, Notice

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.facts import spans_in_words, strays
+from furrowmap.core.readers.implausible_positions import spans_in_words, strays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.clock import iso_utc

@@ -13,7 +13,8 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.facts import drop_implausible_positions, position_facts, timing_facts, utc_facts
+from furrowmap.core.readers.facts import position_facts, timing_facts, utc_facts
+from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.isoxml.content import (
     MAIN,
     PARALLEL,

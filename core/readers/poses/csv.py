@@ -12,7 +12,8 @@ import numpy as np
 
 from furrowmap.core.readers.csv_file import TIMES, Column, CsvFile, head_columns, names_a_position
 from furrowmap.core.readers.epochs import utc_of
-from furrowmap.core.readers.facts import far_from_middle, is_implausible, pose_facts, strays, timing_facts, utc_facts
+from furrowmap.core.readers.facts import pose_facts, timing_facts, utc_facts
+from furrowmap.core.readers.implausible_positions import far_from_middle, is_implausible, strays
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray

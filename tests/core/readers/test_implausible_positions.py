@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.readers import facts as module
-from furrowmap.core.readers.facts import (
+from furrowmap.core.readers import implausible_positions as module
+from furrowmap.core.readers.implausible_positions import (
     MAX_FROM_MIDDLE_M,
     STRAY_ANCHORS,
     drop_implausible_positions,
