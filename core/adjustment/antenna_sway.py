@@ -105,9 +105,6 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
     which the poses take a part.
 
     Args:
-        knots: times.
-        state: the solution.
-        antenna: positions.
         held: equations of all knots with fixed references.
     """
     inside = knots.at(antenna.positions.t_s)[2]

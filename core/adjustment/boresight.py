@@ -94,7 +94,6 @@ class Boresight:
     """The mounting at which ground seen at several times coincides.
 
     Attributes:
-        mounting: of the scanner.
         correction_deg: (3,) rotation from the stated mounting, about the vehicle's x, y and z axes.
         sigma_deg: (3,) standard deviation, that of the trajectory's attitude included.
         time_offset_s: time by which the scanner's clock is behind the positions', and its standard deviation.
@@ -131,7 +130,6 @@ def boresight(
 
     Args:
         returns: of the scanner, with their poses.
-        trajectory: of the vehicle.
         stated: the mounting as the session states it.
         carrier: trajectory of the frame that carries the scanner, whose poses the returns have; None for the vehicle's.
     """

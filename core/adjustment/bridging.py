@@ -142,9 +142,6 @@ def with_carried(
     """Positions, and beside them those that poses within a gap have come to: from one time to another.
 
     Args:
-        positions: of the antenna.
-        knots: times of the poses.
-        state: the poses.
         origin_and_lever_m: the local origin, and the antenna in the vehicle frame, (3,) each.
         begin_s: from here on poses count, which must lie in a gap.
         end_s: up to here.
@@ -176,7 +173,6 @@ def continued(knots: Knots, state: State, carried: State, begin_s: float, end_s:
     """Carried poses, moved rigidly to where they go on from a state.
 
     Args:
-        knots: of both.
         state: outside the gap, where positions and a longer drive hold it.
         carried: of the same knots; in the few seconds in which it came about, roll and height may have moved along.
         begin_s: from here on the two are to be alike.
@@ -201,7 +197,6 @@ def join_in_gap(knots: Knots, state: State, gap: Gap, before: State, after: Stat
     """The state with a gap's poses from both of its ends.
 
     Args:
-        knots: of the state.
         state: whose poses outside the gap stay.
         gap: which is bridged.
         before: the same with what was carried into the gap from its begin, to the knot `meet` and beyond.
@@ -229,7 +224,6 @@ def held_by_positions(
     Args:
         returns: of the ground, in the order of time.
         position_s: (m,) times of the positions, which increase.
-        start: first guess of the trajectory.
     """
     if not len(returns) or len(position_s) < 2:
         return returns, ()

@@ -296,7 +296,6 @@ def adjust_cells(groups: GroupHeights, spread: FloatArray) -> tuple[FloatArray, 
     """Parameters and heights of windows that bring the groups of each cell to one height.
 
     Args:
-        groups: the heights.
         spread: (p + w,) standard deviations of the p parameters and of the w windows' heights before.
 
     Returns:

@@ -334,10 +334,7 @@ def antenna_constants(
     Without that, drift and trajectory take most of an offset.
 
     Args:
-        knots: times.
-        state: the solution.
         antenna: positions, with robust weights.
-        coarse: coarse knots.
         centre_m: see :meth:`~furrowmap.core.estimation.coarse.CoarseKnots.centres`.
         free: equations of the coarse knots with free references.
     """

@@ -247,7 +247,6 @@ def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
     Args:
         stated_s: offset in the session.
         used_s: beyond it.
-        sigma_s: standard deviation.
     """
     return Notice(
         "clock-offset",
@@ -265,7 +264,6 @@ def enlarge_sigmas(
     """The trajectory with standard deviations enlarged to what is seen, where results contradict each other.
 
     Args:
-        trajectory: adjusted.
         lever_m: (3,) of the antenna, as stated.
         sensor_m: (3,) of the scanner, as stated.
         turned_deg: by how much headings change with the lever arm that fits better.

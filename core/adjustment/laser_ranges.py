@@ -48,7 +48,6 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
     """The constants by the ground of a session; None where the recording does not number its lasers.
 
     Args:
-        placing: of the iterate.
         axis: (3,) unit vector along the sensor's axis, upwards, in the vehicle frame.
     """
     returns, knots, state, sensor = placing.returns, placing.knots, placing.state, placing.sensor

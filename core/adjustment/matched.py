@@ -64,14 +64,11 @@ class Matched:
     """The result of scan matching.
 
     Attributes:
-        trajectory: of the vehicle frame.
         mounting: of the sensor: the session's, unless matching shows that it is off.
         ranges: the lasers' constants; None where the ground does not show them.
         calibration: how the vehicle stands on the ground with that mounting.
         facing_shown: whether the scans show which way the sensor faces; else the stated yaw is assumed.
         seen: whether positions, scans and wheels agree.
-        figures: for the report.
-        notices: for the report.
         clock_used_s: time by which the scanner's clock is ahead beyond what the session states, and which is used.
     """
 
@@ -91,9 +88,7 @@ class Prepared:
     """What is known before the adjustment.
 
     Attributes:
-        problem: the input.
         first: iterate, with the yaw ambiguity of the mounting resolved.
-        start: first guess of the trajectory.
         clock: offset of the clocks with which the scans agree better; None where the stated one is as good as any.
         ground: how it lies in the vehicle frame.
         unheld: times whose scans no positions hold, so that they take no part.
@@ -122,7 +117,6 @@ def prepare(
     Args:
         returns: of the ground.
         start: first guess of the vehicle frame's trajectory.
-        positions: of the antenna.
         lever_m: the antenna in the vehicle frame; zero where that is not known.
         mounting: of the sensor, as the session states it.
         tool: where an implement changes the soil; None if none is known.
@@ -147,7 +141,6 @@ def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
     """The trajectory at which the scans see the same ground throughout, georeferenced by the positions.
 
     Args:
-        prepared: the input.
         progress: gets the share done, 0 to 1.
 
     Raises:
@@ -269,8 +262,6 @@ def sigmas(state: State, last: Linearised, considered: Considered, *normals: Flo
     returns.
 
     Args:
-        state: the solution.
-        last: equations.
         considered: bow of the scanner's ranges.
         normals: (n, 21) normal matrices of the returns between knots, of each kind of returns.
     """

@@ -114,9 +114,6 @@ def mounting_calibration(
     """How the vehicle stands on the ground that the scans show.
 
     Args:
-        knots: times.
-        state: poses at them.
-        surface: of the session.
         passage: of the implement, which separates old soil from new.
         guard_s: see :func:`~furrowmap.core.matching.surface.layers`.
         crab_rad: by how much it goes to the left of where it looks, and its standard deviation.

@@ -42,14 +42,11 @@ class Problem:
 
     Attributes:
         returns: of the ground, and upright ones.
-        positions: of the antenna.
         lever_m: (3,) the antenna in the vehicle frame.
         mounting: of the sensor, as the session states it.
         tool: None where no implement is known.
         knots: at which poses are estimated.
         origin_m: (3,) local origin.
-        start: first guess of the states.
-        observations: all but the returns.
         outages_s: times without positions, see :func:`outages`.
         slow: whether the slow errors of the positions are larger than stated.
     """
@@ -113,7 +110,6 @@ class Linearised:
 
     Attributes:
         held: of all knots, references fixed.
-        coarse: the coarse knots.
         centre_m: see :meth:`CoarseKnots.centres`.
         free: of the coarse knots, references free.
         prior: of the coarse knots, without LiDAR.
@@ -133,8 +129,6 @@ class Iterate:
     """Where the adjustment stands between two steps.
 
     Attributes:
-        state: the poses and drifts.
-        observations: with their robust weights.
         return_weight: (n,) uint8 of the returns in the surface. The one array that steps change in place: there may be
             a billion of them, and only rounds with all returns set it.
         sensor: as it is mounted, and its range constants.
@@ -204,16 +198,9 @@ class Adjusted:
     """The result.
 
     Attributes:
-        problem: the input.
-        state: poses and drifts.
         sensor: as it is mounted, and its range constants.
         unbridged: gaps between positions whose scans took no part.
-        facing: see :class:`Iterate`.
-        calibration: of the mounting.
-        relief: of the surface's slopes.
         ground: sums over the ground's returns.
-        walls: registration to walls.
-        last: equations.
         antenna: positions with their robust weights.
         constants: between antenna and scanner.
         sway: what the sway shows of the antenna.
@@ -265,7 +252,6 @@ def outages(t_s: FloatArray, start: Trajectory) -> tuple[Span, ...]:
 
     Args:
         t_s: (m,) times of the positions, which increase.
-        start: first guess of the trajectory.
     """
     longest_s = longest_gap_s(t_s) if len(t_s) > 1 else np.inf
     out: list[Span] = []

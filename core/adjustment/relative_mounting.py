@@ -67,7 +67,6 @@ class FirstScanner:
 
     Attributes:
         returns: in the vehicle frame by its mounting.
-        trajectory: of the vehicle.
         tool: where an implement changes the soil; None if none is known.
     """
 
@@ -208,8 +207,6 @@ def relative_mounting(
 
     Args:
         scans: of the further scanner, by the clock of the positions as stated.
-        stated: its mounting as stated.
-        on_scan: gets each scan as it is read.
     """
     trajectory, tool = first.trajectory, first.tool
     further = ground_returns(scans, stated, trajectory, on_scan)

@@ -56,7 +56,6 @@ class MatchedSession:
 
     Attributes:
         trajectory: of the vehicle frame: the adjusted one, or the first guess where the scans were not matched.
-        notices: for the report.
         matched: the result of scan matching; None where the scans were not matched.
     """
 

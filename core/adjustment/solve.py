@@ -69,7 +69,6 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
     larger ones.
 
     Args:
-        problem: the input.
         first: iterate, see :func:`resolve_yaw_ambiguity`.
         progress: gets the share done, 0 to 1.
 

@@ -76,8 +76,6 @@ def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, fre
     """A step against the ground of the whole session; also returns the RMS of its tilts.
 
     Args:
-        problem: the input.
-        it: the iterate.
         cell_m: of the ground.
         thin: every `thin`-th return takes part.
         free: whether references move with the poses.

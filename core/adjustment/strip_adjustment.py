@@ -161,7 +161,6 @@ class StripAdjustment:
     """What the strips made of a flight.
 
     Attributes:
-        trajectory: adjusted.
         boresight: adjusted with it.
         before: errors of the poses at nodes in time, as GNSS and IMU know them.
         found: the errors that were found, and their covariance with the strips.
@@ -223,7 +222,6 @@ def calibrate_flight(
 
     Args:
         returns: of the scanner, with their poses.
-        located: the trajectory of the vehicle.
         stated: the mounting as the session states it.
         carrier: trajectory of the frame that carries the scanner; None for the vehicle's.
         walk_deg_rts: random walk of the mounting's angles.

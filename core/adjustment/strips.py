@@ -121,7 +121,6 @@ def at_shifted_times(returns: StripReturns, trajectory: Trajectory, offset_s: fl
     """The returns with the poses at times later by an offset; those without a pose there are left out.
 
     Args:
-        returns: of the scanner.
         trajectory: of the frame that carries it.
         offset_s: time by which the scanner's clock is behind.
     """

@@ -93,7 +93,6 @@ def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatAr
 
     Args:
         returns: of the ground, and upright ones, in the vehicle frame by the stated mounting.
-        knots: times.
         state: poses at them, as GNSS alone has them.
         sensor_m: (3,) the sensor in the vehicle frame.
     """

@@ -63,9 +63,6 @@ class Placing:
     Attributes:
         returns: of the whole recording.
         weight: (n,) uint8 of the returns in the surface.
-        sensor: that measured them.
-        knots: times of the poses.
-        state: the poses.
         unused: gaps whose returns take no part.
         passage: of the implement; None where none is known.
         position_m: (knots, 3) contiguous.

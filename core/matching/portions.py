@@ -28,7 +28,6 @@ class Gap:
     Attributes:
         begin_s: the last position before it.
         end_s: the first one after it.
-        chain: index of the chain.
     """
 
     begin_s: float

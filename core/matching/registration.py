@@ -53,7 +53,6 @@ def register_windows(
     """Each window against its own ground.
 
     Args:
-        placing: of the iterate.
         relief: reliability of slopes.
         coarse: coarse knots, with which the ground moves; None for fixed ground.
         centre_m: (count, 3) places of the coarse knots.
@@ -143,7 +142,6 @@ def register_wall_windows(placing: Placing, correlated: float, coarse: CoarseKno
     """Each window against its own walls.
 
     Args:
-        placing: of the iterate.
         correlated: how many returns share an error.
         coarse: coarse knots, with which the walls move; None for fixed walls.
     """

@@ -118,7 +118,6 @@ def ground_returns(
 
     Args:
         scans: in the order of time.
-        mounting: of the sensor.
         trajectory: the first approximation; scans well outside its span are left out, those at a stand teach nothing
             about the body.
         on_scan: sees each scan on its way.

@@ -53,7 +53,6 @@ class HeightGrid:
     """Heights above the local origin.
 
     Attributes:
-        tiles: where the grid's nodes are.
         height_m: (tiles, 4, 32, 32) float32 mean heights; see :data:`SHEETS`.
         weight: (tiles, 4, 32, 32) float32 number of returns in them.
     """
@@ -68,7 +67,6 @@ class TilePassage:
     """When the implement's line passed each cell.
 
     Attributes:
-        tiles: where the cells are.
         first_s: (tiles, 32, 32) float64 of the first time; +inf where it never passed.
         last_s: (tiles, 32, 32) float64 of the last one; −inf where it never passed.
     """
@@ -112,7 +110,6 @@ def passage_of(
         tool_en_m: (n, 2) middle of the line.
         left_en: (n, 2) unit vectors to its left.
         half_width_m: half the width of the ground that changes.
-        cell_m: size of the cells.
     """
     reach_m = half_width_m + cell_m
     steps = int(np.ceil(reach_m / (TILE_NODES * cell_m)))

@@ -97,7 +97,6 @@ class WallColumns:
     """Upright columns, of which only those in use take memory.
 
     Attributes:
-        tiles: where they are.
         number: (tiles, 32, 32) int32 number of each column, −1 where there is none.
         sums: (columns, 2, 8) of each half: count; sums of easting and northing against the column's centre and of
             their products ee, en, nn; least and greatest height.

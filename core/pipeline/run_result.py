@@ -93,7 +93,6 @@ def unconfirmed_places(
     """Keys of stated places that the recording does not show: standard deviations hold if these are right.
 
     Args:
-        located: the trajectory, with its notices.
         matched: the result of scan matching; None without.
         boresight: of a scanner on a vehicle with an IMU; None where the scans do not show it.
     """

@@ -64,7 +64,6 @@ def further_recordings(
         first: the first scanner's recording, with the clock that is used.
         mounting: of the first scanner, which is used.
         matched: the result of scan matching; None without.
-        trajectory: of the vehicle.
         implement: has looked for it in the first scanner's scans.
     """
     session, shown = opened.session, implement.shown

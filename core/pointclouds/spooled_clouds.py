@@ -27,7 +27,6 @@ class SpooledClouds:
     """The points of clouds, sorted into tiles.
 
     Attributes:
-        points: all selected points.
         ground: those among them classified as ground in the files.
         span_s: earliest and latest UTC; None where unknown.
         notices: on differences between headers and points.

@@ -124,7 +124,6 @@ class GivesScans(Protocol):
     """A reader of a laser scanner's recording.
 
     Attributes:
-        clock: the clock that its times come from.
         clocks: readings of all clocks in the recording, that one first; complete when the scans have ended.
         share_read: share of the files that has been read, 0 to 1.
     """

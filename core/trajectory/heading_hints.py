@@ -35,7 +35,6 @@ class ChunkMotion:
     """Motion by the IMU in the axes of the vehicle at the begin of a chunk.
 
     Attributes:
-        begin: first knot.
         turned: (m, 3, 3) rotation of each knot's axes to the first one's.
         swept_s: (m, 3, 3) integral of it over time: the turn by a constant rate, per rad/s.
         way_m: (m, 3) of the antenna, but for gravity and the velocity at the begin.

@@ -55,7 +55,6 @@ def search_imu_clock(imu: InertialTrack, positions: Positions, arm_m: FloatArray
     Args:
         imu: in axes that keep to the vehicle; on wheels in the vehicle's. Without wheels the direction of the nose only
             counts where positions hide accelerations, and from APART_S on: an aircraft may turn before or after it.
-        positions: of the antenna.
         arm_m: (3,) from the IMU to the antenna in these axes. Where it turns off, an antenna ahead is early.
     """
     if len(imu) < 2 or len(positions.t_s) < 2:

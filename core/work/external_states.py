@@ -28,7 +28,6 @@ class StateComparison:
     """Comparison of external states with those seen, over the time in which both are known.
 
     Attributes:
-        compared_s: that time.
         share: of it in which they are equal; nan where there is none.
         differing_s: (m, 2) intervals in which they differ.
         seen_down: (m,) whether the tool is seen down in each of these.

@@ -192,7 +192,6 @@ class SoilMoved:
     """What the work changed.
 
     Attributes:
-        worked: all ground that was worked.
         passes: by number, the ground that each pass worked last.
         beside_m2, beside_m: ground compared beside the passes, and its mean change: a measure of the error, and in the
             standard deviations.

@@ -406,7 +406,6 @@ class WorkFigures:
         worked: the ground worked, once however often.
         swept_m2: width times path length of all passes, as the counter of a machine.
         overlap: the places of all pairs of passes, added up.
-        missed: all strips missed.
         field: how much of the field was worked; None where its boundary is not known.
         passes: those whose ground is known at least in part.
         unplaced_passes: those with time without a position, whose ground is not known there, or nowhere.

@@ -74,7 +74,6 @@ class NearScan:
         begin_s: UTC of its first return.
         end_s: of its last one.
         clockwise: whether azimuth increases within the scan.
-        first_column: column of its first return.
         xyz_m: (n, 3) float32 in the vehicle frame.
         range_m: (n,) float32 from the sensor.
         laser: (n,) uint8.

@@ -36,7 +36,6 @@ class LasHeader:
         version: minor version of LAS 1.
         encoding: global encoding, bit 0: standard time instead of week time, bit 4: CRS as WKT.
         header_bytes: length of the header; the variable-length records begin behind it.
-        offset: byte offset of the points.
         point_format: 0 to 10.
         record_bytes: bytes of a point, extra bytes included.
         by_return: number of points by return number, 5 or (LAS 1.4) 15 of them.

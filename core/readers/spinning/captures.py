@@ -276,7 +276,6 @@ def survey(
     Position packets are those up to a lock.
 
     Args:
-        paths: for errors.
         wanted: address of the sensor; None for any.
         blocks: the datagrams, of which as many are taken as it needs.
         skipped: gets the frames that are none of the sensor's, by kind.

@@ -125,7 +125,6 @@ class SensorClock:
     GPS, or is restarted), time continues by the recorder's clock, and `jumps` records it.
 
     Attributes:
-        kind: the clock that the times come from.
         home_s: UTC of the start of the sensor's hour, modulo an hour; 0 for a sensor that counts from the full hour.
         utc_minus_host_s: approximate UTC minus the recorder's time.
         jumps: UTC and size in seconds of each reset of the sensor's clock.

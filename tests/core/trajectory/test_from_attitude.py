@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.trajectory.from_attitude import (
+from furrowmap.core.trajectory.located import (
     AttitudeLogs,
     from_stated_north,
     of_vehicle,
