@@ -14,63 +14,25 @@ import numpy as np
 from furrowmap.core.readers.spinning.captures import SpinningPcap
 from furrowmap.core.readers.spinning.model import Maker, Model, PacketLayout
 
+_MARK: Final = {0: 0xEE, 1: 0xFF}
 _XT: Final = PacketLayout(
-    lengths=(1080,),
-    signature={0: 0xEE, 1: 0xFF, 2: 6, 6: 32, 7: 8},
-    blocks=8,
-    header=12,
-    azimuth=0,
-    unit=4,
-    units=32,
-    marked=False,
-    mode=1062,
-    stamp=1071,
-    date=1065,
+    (1080,), {**_MARK, 2: 6, 6: 32, 7: 8}, blocks=8, header=12, unit=4, units=32, mode=1062, stamp=1071, date=1065,
     distance_mm=9,
-)
+)  # fmt: skip
 _XT16: Final = replace(_XT, lengths=(568,), signature={**_XT.signature, 6: 16}, units=16, mode=550, stamp=559, date=553)
 _XTM: Final = replace(_XT, lengths=(820,), signature={**_XT.signature, 7: 6}, blocks=6, mode=802, stamp=811, date=805)
 _QT: Final = PacketLayout(
-    lengths=(1072, 1068),
-    signature={0: 0xEE, 1: 0xFF, 2: 3, 6: 64, 7: 4},
-    blocks=4,
-    header=12,
-    azimuth=0,
-    unit=4,
-    units=64,
-    marked=False,
-    mode=1060,
-    stamp=1056,
-    date=1062,
+    (1072, 1068), {**_MARK, 2: 3, 6: 64, 7: 4}, blocks=4, header=12, unit=4, units=64, mode=1060, stamp=1056, date=1062,
     distance_mm=9,
-)
+)  # fmt: skip
 _P64: Final = PacketLayout(
-    lengths=(1198, 1194),
-    signature={0: 0xEE, 1: 0xFF, 2: 64, 3: 6},
-    blocks=6,
-    header=8,
-    azimuth=0,
-    unit=3,
-    units=64,
-    marked=False,
-    mode=1186,
-    stamp=1182,
-    date=1188,
+    (1198, 1194), {**_MARK, 2: 64, 3: 6}, blocks=6, header=8, unit=3, units=64, mode=1186, stamp=1182, date=1188,
     distance_mm=5,
-)
+)  # fmt: skip
 _P40: Final = PacketLayout(
-    lengths=(1266, 1262),
-    signature={0: 0xFF, 1: 0xEE},
-    blocks=10,
-    header=0,
-    azimuth=2,
-    unit=3,
-    units=40,
-    marked=True,
-    mode=1254,
-    stamp=1250,
-    date=1256,
-)
+    (1266, 1262), {0: 0xFF, 1: 0xEE}, blocks=10, header=0, azimuth=2, unit=3, units=40, marked=True, mode=1254,
+    stamp=1250, date=1256,
+)  # fmt: skip
 
 _P40_DEG: Final = np.array(
     (15, 11, 8, 5, 3, 2, 1.67, 1.33, 1, 0.67, 0.33, 0,
@@ -134,82 +96,20 @@ _QT_US: Final = np.array(
 )  # fmt: skip
 
 _CHANNEL: Final = np.arange(32, dtype=np.float64)
-_HESAI_MODELS: Final = (
-    Model(
-        name="PandarXT-32",
-        product=0x062008,
-        layout=_XT,
-        resolution_m=0.004,
-        cycle_s=50e-6,
-        laser_s=(6.0 + 1.512 * _CHANNEL) * 1e-6,
-        elevation_deg=15.0 - _CHANNEL,
-        azimuth_deg=np.zeros(32),
-        height_m=np.zeros(32),
-        stamp_at_last=True,
-    ),
-    Model(
-        name="PandarXT-16",
-        product=0x061008,
-        layout=_XT16,
-        resolution_m=0.004,
-        cycle_s=50e-6,
-        laser_s=(6.0 + 3.024 * _CHANNEL[:16]) * 1e-6,
-        elevation_deg=15.0 - 2.0 * _CHANNEL[:16],
-        azimuth_deg=np.zeros(16),
-        height_m=np.zeros(16),
-        stamp_at_last=True,
-    ),
-    Model(
-        name="PandarXT-32M",
-        product=0x062006,
-        layout=_XTM,
-        resolution_m=0.004,
-        cycle_s=50e-6,
-        laser_s=(6.0 + 2.888 * (_CHANNEL % 16)) * 1e-6,
-        elevation_deg=19.5 - 1.3 * _CHANNEL,
-        azimuth_deg=np.zeros(32),
-        height_m=np.zeros(32),
-        stamp_at_last=True,
-    ),
-    Model(
-        name="PandarQT64",
-        product=0x034004,
-        layout=_QT,
-        resolution_m=0.004,
-        cycle_s=500e-6 / 3.0,
-        laser_s=_QT_US * 1e-6,
-        elevation_deg=_QT_DEG,
-        azimuth_deg=_QT_AZIMUTH_DEG,
-        height_m=np.zeros(64),
-        start_s=35.71e-6,
-    ),
-    Model(
-        name="Pandar40P",
-        product=0x28000A,
-        layout=_P40,
-        resolution_m=0.004,
-        cycle_s=55.56e-6,
-        laser_s=-_P40_BEFORE_US * 1e-6,
-        elevation_deg=_P40_DEG,
-        azimuth_deg=_P40_AZIMUTH_DEG,
-        height_m=np.zeros(40),
-        start_s=-28.58e-6,
-        stamp_at_last=True,
-    ),
-    Model(
-        name="Pandar64",
-        product=0x400006,
-        layout=_P64,
-        resolution_m=0.004,
-        cycle_s=55.56e-6,
-        laser_s=-_P64_BEFORE_US * 1e-6,
-        elevation_deg=_P64_DEG,
-        azimuth_deg=_P64_AZIMUTH_DEG,
-        height_m=np.zeros(64),
-        start_s=-42.58e-6,
-        stamp_at_last=True,
-    ),
-)
+_AXIS: Final = np.zeros(64)
+"""Azimuths of lasers in line, and heights of beams that meet in the sensor's origin."""
+_HESAI_MODELS: Final = tuple(
+    Model(name, product, layout, 0.004, cycle_s, laser_us * 1e-6, elevation, azimuth, _AXIS[: len(elevation)], start_s,
+          stamp_at_last=name != "PandarQT64")
+    for name, product, layout, cycle_s, laser_us, elevation, azimuth, start_s in (
+        ("PandarXT-32", 0x062008, _XT, 50e-6, 6.0 + 1.512 * _CHANNEL, 15.0 - _CHANNEL, _AXIS[:32], 0.0),
+        ("PandarXT-16", 0x061008, _XT16, 50e-6, 6.0 + 3.024 * _CHANNEL[:16], 15.0 - 2 * _CHANNEL[:16], _AXIS[:16], 0.0),
+        ("PandarXT-32M", 0x062006, _XTM, 50e-6, 6.0 + 2.888 * (_CHANNEL % 16), 19.5 - 1.3 * _CHANNEL, _AXIS[:32], 0.0),
+        ("PandarQT64", 0x034004, _QT, 500e-6 / 3.0, _QT_US, _QT_DEG, _QT_AZIMUTH_DEG, 35.71e-6),
+        ("Pandar40P", 0x28000A, _P40, 55.56e-6, -_P40_BEFORE_US, _P40_DEG, _P40_AZIMUTH_DEG, -28.58e-6),
+        ("Pandar64", 0x400006, _P64, 55.56e-6, -_P64_BEFORE_US, _P64_DEG, _P64_AZIMUTH_DEG, -42.58e-6),
+    )
+)  # fmt: skip
 
 _OTHER_VERSIONS: Final = {
     0x0101: "Pandar128",

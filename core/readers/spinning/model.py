@@ -117,12 +117,12 @@ class PacketLayout:
     signature: Mapping[int, int]
     blocks: int
     header: int
-    azimuth: int
     unit: int
     units: int
-    marked: bool
     mode: int
     stamp: int
+    azimuth: int = 0
+    marked: bool = False
     date: int | None = None
     product: int | None = None
     distance_mm: int | None = None

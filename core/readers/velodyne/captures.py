@@ -21,18 +21,9 @@ PACKET_BYTES: Final = 1206
 STRONGEST, LAST, DUAL = 0x37, 0x38, 0x39
 
 _VELODYNE_PACKET: Final = PacketLayout(
-    lengths=(PACKET_BYTES,),
-    signature={0: 0xFF, 1: 0xEE},
-    blocks=12,
-    header=0,
-    azimuth=2,
-    unit=3,
-    units=32,
-    marked=True,
-    mode=1204,
-    stamp=1200,
-    product=1205,
-)
+    (PACKET_BYTES,), {0: 0xFF, 1: 0xEE}, blocks=12, header=0, azimuth=2, unit=3, units=32, marked=True, mode=1204,
+    stamp=1200, product=1205,
+)  # fmt: skip
 
 
 def _alternate(low_deg: tuple[float, ...], high_deg: tuple[float, ...]) -> FloatArray:
@@ -82,65 +73,19 @@ def _beam_height_m(axis_m: float, elevation_deg: FloatArray) -> FloatArray:
     return -axis_m * np.tan(np.radians(elevation_deg))
 
 
+_IN_LINE: Final = np.zeros(32)
 _VELODYNE_MODELS: Final = (
-    Model(
-        "VLP-16",
-        0x22,
-        _VELODYNE_PACKET,
-        0.002,
-        55.296e-6,
-        _PUCK_TIMES_S,
-        _VLP16_DEG,
-        np.zeros(16),
-        _beam_height_m(41.91e-3, _VLP16_DEG),
-    ),
-    Model(
-        "Puck Hi-Res",
-        0x24,
-        _VELODYNE_PACKET,
-        0.002,
-        55.296e-6,
-        _PUCK_TIMES_S,
-        _alternate(_HI_RES_LOW_DEG, _HI_RES_HIGH_DEG),
-        np.zeros(16),
-        _alternate(*_HI_RES_HEIGHT_MM) * 1e-3,
-    ),
-    Model(
-        "VLP-32C",
-        0x28,
-        _VELODYNE_PACKET,
-        0.004,
-        55.296e-6,
-        np.repeat(_PUCK_TIMES_S, 2),
-        _VLP32C_DEG,
-        _VLP32C_AZIMUTH_DEG,
-        _beam_height_m(42.4e-3, _VLP32C_DEG),
-    ),
-    Model(
-        "HDL-32E",
-        0x21,
-        _VELODYNE_PACKET,
-        0.002,
-        46.08e-6,
-        np.arange(32, dtype=np.float64) * 1.152e-6,
-        _HDL32E_DEG,
-        np.zeros(32),
-        _beam_height_m(28.96e-3, _HDL32E_DEG),
-    ),
-    Model(
-        "VLS-128",
-        0xA1,
-        _VELODYNE_PACKET,
-        0.004,
-        _VLS128_CYCLE_S,
-        _VLS128_CYCLE_S / 20 * _VLS128_STEPS,
-        _VLS128_DEG,
-        _VLS128_AZIMUTH_DEG,
-        _beam_height_m(58.63e-3, _VLS128_DEG),
-        start_s=-8.7e-6,
-        slowest_s=57.8e-6,
-    ),
-)
+    Model("VLP-16", 0x22, _VELODYNE_PACKET, 0.002, 55.296e-6, _PUCK_TIMES_S,
+          _VLP16_DEG, _IN_LINE[:16], _beam_height_m(41.91e-3, _VLP16_DEG)),
+    Model("Puck Hi-Res", 0x24, _VELODYNE_PACKET, 0.002, 55.296e-6, _PUCK_TIMES_S,
+          _alternate(_HI_RES_LOW_DEG, _HI_RES_HIGH_DEG), _IN_LINE[:16], _alternate(*_HI_RES_HEIGHT_MM) * 1e-3),
+    Model("VLP-32C", 0x28, _VELODYNE_PACKET, 0.004, 55.296e-6, np.repeat(_PUCK_TIMES_S, 2),
+          _VLP32C_DEG, _VLP32C_AZIMUTH_DEG, _beam_height_m(42.4e-3, _VLP32C_DEG)),
+    Model("HDL-32E", 0x21, _VELODYNE_PACKET, 0.002, 46.08e-6, np.arange(32, dtype=np.float64) * 1.152e-6,
+          _HDL32E_DEG, _IN_LINE, _beam_height_m(28.96e-3, _HDL32E_DEG)),
+    Model("VLS-128", 0xA1, _VELODYNE_PACKET, 0.004, _VLS128_CYCLE_S, _VLS128_CYCLE_S / 20 * _VLS128_STEPS,
+          _VLS128_DEG, _VLS128_AZIMUTH_DEG, _beam_height_m(58.63e-3, _VLS128_DEG), start_s=-8.7e-6, slowest_s=57.8e-6),
+)  # fmt: skip
 
 VELODYNE: Final = Maker(
     "Velodyne",
