@@ -81,16 +81,9 @@ def coarse_equations(
     size = state.layout.size
     equations = NormalEquations(coarse.count * size, min(reach + 2, coarse.count) * size)
     _project(
-        size,
-        fine.band,
-        fine.right,
-        coarse.before,
-        coarse.share,
-        np.ascontiguousarray(state.xyz_m),
-        centre_m,
-        equations.band,
-        equations.right,
-    )
+        size, fine.band, fine.right, coarse.before, coarse.share, np.ascontiguousarray(state.xyz_m), centre_m,
+        equations.band, equations.right,
+    )  # fmt: skip
     return equations
 
 

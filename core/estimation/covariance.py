@@ -49,16 +49,9 @@ def pose_sigmas(
     """Standard deviations (n, 6) of easting, northing, height (m), roll, pitch, heading (degrees) at the knots."""
     variance: FloatArray = arrays.zeros(quick.shape)
     _variances(
-        state.layout.size,
-        np.ascontiguousarray(state.xyz_m),
-        np.ascontiguousarray(state.rotation),
-        coarse.before,
-        coarse.share,
-        centre_m,
-        np.ascontiguousarray(slow),
-        quick,
-        variance,
-    )
+        state.layout.size, np.ascontiguousarray(state.xyz_m), np.ascontiguousarray(state.rotation), coarse.before,
+        coarse.share, centre_m, np.ascontiguousarray(slow), quick, variance,
+    )  # fmt: skip
     out: FloatArray = np.maximum(variance, 0.0, out=variance)
     np.sqrt(out, out=out)
     np.degrees(out[:, 3:], out=out[:, 3:])

@@ -118,17 +118,9 @@ def passage_of(
     first = arrays.full((tiles.count, TILE_NODES, TILE_NODES), np.inf)
     last = arrays.full((tiles.count, TILE_NODES, TILE_NODES), -np.inf)
     _sweep(
-        np.ascontiguousarray(t_s),
-        np.ascontiguousarray(tool_en_m),
-        np.ascontiguousarray(left_en),
-        half_width_m,
-        cell_m,
-        tiles.west,
-        tiles.south,
-        tiles.number,
-        first,
-        last,
-    )
+        np.ascontiguousarray(t_s), np.ascontiguousarray(tool_en_m), np.ascontiguousarray(left_en), half_width_m, cell_m,
+        tiles.west, tiles.south, tiles.number, first, last,
+    )  # fmt: skip
     return TilePassage(tiles, first, last)
 
 
@@ -175,17 +167,9 @@ def add_returns(
     """
     tiles = surface.tiles
     _add(
-        xyz_m,
-        layer,
-        half,
-        return_weight,
-        tiles.cell_m,
-        tiles.west,
-        tiles.south,
-        tiles.number,
-        surface.height_m,
+        xyz_m, layer, half, return_weight, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m,
         surface.weight,
-    )
+    )  # fmt: skip
 
 
 def joined(parts: Sequence[HeightGrid]) -> HeightGrid:

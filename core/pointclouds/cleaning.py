@@ -46,21 +46,11 @@ FIRST_RADIUS_M: Final = 1.0
 """First search radius; only points with too few neighbours in it are compared with more distant ones."""
 BLOCK_POINTS: Final = 500_000
 """Blocks with more points are quartered, down to one square."""
-SPOOLED_POINT: Final = np.dtype(
-    [
-        ("xyz_m", "<f8", 3),
-        ("t_s", "<f8"),
-        ("intensity", "<u2"),
-        ("point_source_id", "<u2"),
-        ("rgb", "<u2", 3),
-        ("classification", "u1"),
-        ("return_number", "u1"),
-        ("returns", "u1"),
-        ("apart_m", "<f4"),
-        ("noise", "?"),
-        ("machine", "?"),
-    ]
-)
+SPOOLED_POINT: Final = np.dtype([
+    ("xyz_m", "<f8", 3), ("t_s", "<f8"), ("intensity", "<u2"), ("point_source_id", "<u2"), ("rgb", "<u2", 3),
+    ("classification", "u1"), ("return_number", "u1"), ("returns", "u1"), ("apart_m", "<f4"), ("noise", "?"),
+    ("machine", "?"),
+])  # fmt: skip
 """A point. `t_s` is UTC, seconds of a week where all clouds have those, or nan. Noise and machine are never ground.
 `apart_m` is the mean neighbour distance, where needed; inf for an isolated point."""
 SPOOLED_XYZ: Final = np.dtype(("<f8", 3))

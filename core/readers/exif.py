@@ -80,16 +80,9 @@ def is_image_table(path: Path) -> bool:
 
 
 CHANNELS: Final = {
-    "rgb8": (0, 1, 2),
-    "bgr8": (2, 1, 0),
-    "rgba8": (0, 1, 2),
-    "bgra8": (2, 1, 0),
-    "8UC3": (2, 1, 0),
-    "mono8": (0, 0, 0),
-    "8UC1": (0, 0, 0),
-    "mono16": (0, 0, 0),
-    "16UC1": (0, 0, 0),
-}
+    "rgb8": (0, 1, 2), "bgr8": (2, 1, 0), "rgba8": (0, 1, 2), "bgra8": (2, 1, 0), "8UC3": (2, 1, 0), "mono8": (0, 0, 0),
+    "8UC1": (0, 0, 0), "mono16": (0, 0, 0), "16UC1": (0, 0, 0),
+}  # fmt: skip
 """Channels that are red, green and blue; 8UC3 is OpenCV's order."""
 BAYER: Final = {"bayer_rggb": "BG", "bayer_bggr": "RG", "bayer_gbrg": "GR", "bayer_grbg": "GB"}
 """OpenCV names a pattern by the second and third pixel of its second row, ROS by the first four."""

@@ -20,16 +20,9 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.kernels import kernel
 
 SKIPPED: Final = (
-    "",
-    "not IP",
-    "not UDP",
-    "IP fragments",
-    "cut short by the capture",
-    "damaged headers",
-    "of an unsupported link type",
-    "without a plausible time",
-    "",
-)
+    "", "not IP", "not UDP", "IP fragments", "cut short by the capture", "damaged headers",
+    "of an unsupported link type", "without a plausible time", "",
+)  # fmt: skip
 """Why a frame has no datagram, by the kernels' reason code; the last is that others of its datagram follow."""
 _NOT_IP, _NOT_UDP, FRAGMENT, _SHORT, _DAMAGED, _LINK, _NO_TIME, _PART = range(1, 9)
 

@@ -249,18 +249,9 @@ def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
     if len(firings.front_m):
         moving = np.column_stack([moving, firings.front_m])
     _cast(
-        scene,
-        optics,
-        firings.number,
-        moving,
-        np.ascontiguousarray(firings.xyz_m),
-        np.ascontiguousarray(firings.rotation),
-        np.ascontiguousarray(firings.mount),
-        ticks,
-        reflectivity,
-        met,
-        cell,
-    )
+        scene, optics, firings.number, moving, np.ascontiguousarray(firings.xyz_m),
+        np.ascontiguousarray(firings.rotation), np.ascontiguousarray(firings.mount), ticks, reflectivity, met, cell,
+    )  # fmt: skip
     return Returns(ticks, reflectivity, met, cell)
 
 

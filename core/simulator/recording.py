@@ -139,19 +139,11 @@ _CHANNEL_DEG: Final = np.round(15.0 - _XT_CHANNEL - 0.04 * np.sin(_XT_CHANNEL), 
 """Elevations of this sensor, as its calibration states them: some hundredths of a degree beside those of the model."""
 _TURNED_DEG: Final = np.round(0.08 - 0.007 * _XT_CHANNEL, 3)
 _RETURN: Final = np.dtype([("ticks", "<u2"), ("reflectivity", "u1"), ("reserved", "u1")])
-_XT32_PACKET: Final = np.dtype(
-    [
-        ("head", "u1", len(_HEAD)),
-        ("blocks", [("azimuth", "<u2"), ("returns", _RETURN, _CHANNELS)], _BLOCKS),
-        ("reserved", "u1", 10),
-        ("mode", "u1"),
-        ("speed", "<u2"),
-        ("date", "u1", 6),
-        ("stamp_us", "<u4"),
-        ("factory", "u1"),
-        ("sequence", "<u4"),
-    ]
-)
+_XT32_PACKET: Final = np.dtype([
+    ("head", "u1", len(_HEAD)), ("blocks", [("azimuth", "<u2"), ("returns", _RETURN, _CHANNELS)], _BLOCKS),
+    ("reserved", "u1", 10), ("mode", "u1"), ("speed", "<u2"), ("date", "u1", 6), ("stamp_us", "<u4"), ("factory", "u1"),
+    ("sequence", "<u4"),
+])  # fmt: skip
 
 
 def _xt32_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, returns: Returns) -> Bytes:

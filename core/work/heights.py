@@ -85,23 +85,11 @@ class ToolHeightTracker:
         self._scans.extend((begin_s, end_s))
         region = self._implement.region
         _gather(
-            np.ascontiguousarray(scan.xyz_m, np.float32),
-            np.ascontiguousarray(scan.laser, np.uint8),
-            np.ascontiguousarray(scan.t_s, np.float64),
-            self._rotation,
-            self._lever_m,
-            region.columns,
-            region.still_m,
-            region.begin,
-            region.split,
-            region.clockwise,
-            self._ground,
-            self._box,
-            self._grid,
-            self._views,
-            self._soil,
+            np.ascontiguousarray(scan.xyz_m, np.float32), np.ascontiguousarray(scan.laser, np.uint8),
+            np.ascontiguousarray(scan.t_s, np.float64), self._rotation, self._lever_m, region.columns, region.still_m,
+            region.begin, region.split, region.clockwise, self._ground, self._box, self._grid, self._views, self._soil,
             self._times,
-        )
+        )  # fmt: skip
         self._end_turn(whole=goes_on)
 
     def heights(self) -> ToolHeights:

@@ -112,15 +112,9 @@ _HESAI_MODELS: Final = tuple(
 )  # fmt: skip
 
 _OTHER_VERSIONS: Final = {
-    0x0101: "Pandar128",
-    0x0103: "Pandar128",
-    0x0104: "Pandar128 or OT128",
-    0x0302: "QT128",
-    0x0401: "AT128",
-    0x0403: "AT128",
-    0x0501: "FT120",
-    0x0702: "FT120",
-}
+    0x0101: "Pandar128", 0x0103: "Pandar128", 0x0104: "Pandar128 or OT128", 0x0302: "QT128", 0x0401: "AT128",
+    0x0403: "AT128", 0x0501: "FT120", 0x0702: "FT120",
+}  # fmt: skip
 """Major and minor version of the packets → model (HesaiLidar_SDK_2.0)."""
 
 HESAI: Final = Maker(

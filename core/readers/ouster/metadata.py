@@ -47,20 +47,14 @@ _RNG19_DUAL: Final = PixelProfile(16, 19, 1, 3, 4)
 _RNG15: Final = PixelProfile(4, 15, 8, 2, 0)
 _RNG15_DUAL: Final = PixelProfile(8, 15, 8, 2, 4)
 PROFILES: Final = {
-    LEGACY: PixelProfile(12, 20, 1, 4, 0),
-    "RNG19_RFL8_SIG16_NIR16": _RNG19,
-    "RNG19_RFL8_SIG16_NIR16_ZONE16": _RNG19,
-    "RNG19_RFL8_SIG16_NIR16_DUAL": _RNG19_DUAL,
-    "RNG19_RFL8_SIG16_ZONE16_DUAL": _RNG19_DUAL,
+    LEGACY: PixelProfile(12, 20, 1, 4, 0), "RNG19_RFL8_SIG16_NIR16": _RNG19, "RNG19_RFL8_SIG16_NIR16_ZONE16": _RNG19,
+    "RNG19_RFL8_SIG16_NIR16_DUAL": _RNG19_DUAL, "RNG19_RFL8_SIG16_ZONE16_DUAL": _RNG19_DUAL,
     "RNG19_RFL8_SIG16_NIR16_RGB16": PixelProfile(16, 19, 1, 3, 0),
     "RNG19_RFL8_SIG16_NIR16_RGB16_DUAL": PixelProfile(20, 19, 1, 3, 4),
-    "FIVE_WORD_PIXEL": PixelProfile(20, 19, 1, 3, 4),
-    "RNG15_RFL8_NIR8": _RNG15,
-    "RNG15_RFL8_WIN8": _RNG15,
-    "RNG15_RFL8_NIR8_ZONE16": PixelProfile(8, 15, 8, 2, 0),
-    "RNG15_RFL8_NIR8_DUAL": _RNG15_DUAL,
+    "FIVE_WORD_PIXEL": PixelProfile(20, 19, 1, 3, 4), "RNG15_RFL8_NIR8": _RNG15, "RNG15_RFL8_WIN8": _RNG15,
+    "RNG15_RFL8_NIR8_ZONE16": PixelProfile(8, 15, 8, 2, 0), "RNG15_RFL8_NIR8_DUAL": _RNG15_DUAL,
     "FUSA_RNG15_RFL8_NIR8_DUAL": _RNG15_DUAL,
-}
+}  # fmt: skip
 STAMP: Final = (1 << 62) - 1
 """Bits of a stamp that are used: those of the years to 2116."""
 _HEADER_BYTES: Final = 32

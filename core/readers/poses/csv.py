@@ -152,13 +152,8 @@ PROJECTED_COLUMNS: Final = ("e_m", "n_m", "h_m")
 GEOGRAPHIC_COLUMNS: Final = ("lon_deg", "lat_deg", "h_m")
 ATTITUDE_COLUMNS: Final = ("roll_deg", "pitch_deg", "heading_deg")
 POSE_SIGMA_COLUMNS: Final = (
-    "sigma_e_m",
-    "sigma_n_m",
-    "sigma_h_m",
-    "sigma_roll_deg",
-    "sigma_pitch_deg",
-    "sigma_heading_deg",
-)
+    "sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg",
+)  # fmt: skip
 POSE_CSV_COLUMNS: Final = frozenset(
     (*TIMES, *PROJECTED_COLUMNS, *GEOGRAPHIC_COLUMNS, *ATTITUDE_COLUMNS, *POSE_SIGMA_COLUMNS)
 )

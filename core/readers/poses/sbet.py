@@ -18,15 +18,10 @@ TIME, LAT, LON, HEIGHT, ROLL, PITCH, HEADING, WANDER = 0, 1, 2, 3, 7, 8, 9, 10
 """Indices of the fields that are read."""
 
 FIELD_RANGES: Final = {
-    TIME: (0.0, 1e10),
-    LAT: (-np.pi / 2, np.pi / 2),
-    LON: (-np.pi, 2 * np.pi),
-    HEIGHT: (-1e4, 1e6),
-    ROLL: (-np.pi, np.pi),
-    PITCH: (-np.pi / 2, np.pi / 2),
-    HEADING: (-2 * np.pi, 4 * np.pi),
+    TIME: (0.0, 1e10), LAT: (-np.pi / 2, np.pi / 2), LON: (-np.pi, 2 * np.pi), HEIGHT: (-1e4, 1e6),
+    ROLL: (-np.pi, np.pi), PITCH: (-np.pi / 2, np.pi / 2), HEADING: (-2 * np.pi, 4 * np.pi),
     WANDER: (-2 * np.pi, 2 * np.pi),
-}
+}  # fmt: skip
 MAX_SBET_STEP_S: Final = 3600.0
 MIN_ANGLE_RAD: Final = 1e-12
 """Radians. Bytes of other formats, read as doubles, are mostly close to 0; no recording is this close to 0° N 0° E."""

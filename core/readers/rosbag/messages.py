@@ -42,13 +42,8 @@ if TYPE_CHECKING:
 
 LIVOX_CLOUDS: Final = ("livox_ros_driver2/msg/CustomMsg", "livox_ros_driver/msg/CustomMsg")
 _CUSTOM: Final = {
-    "offset_time": (6, 0),
-    "x": (7, 4),
-    "y": (7, 8),
-    "z": (7, 12),
-    "reflectivity": (2, 16),
-    "line": (2, 18),
-}
+    "offset_time": (6, 0), "x": (7, 4), "y": (7, 8), "z": (7, 12), "reflectivity": (2, 16), "line": (2, 18),
+}  # fmt: skip
 """Field → datatype as in PointCloud2, and offset."""
 _CUSTOM_BYTES: Final = 19
 
