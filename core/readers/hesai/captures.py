@@ -14,19 +14,19 @@ import numpy as np
 from furrowmap.core.readers.spinning.captures import SpinningPcap
 from furrowmap.core.readers.spinning.model import Maker, Model, PacketLayout
 
-_MARK: Final = {0: 0xEE, 1: 0xFF}
+_HESAI_MARK: Final = {0: 0xEE, 1: 0xFF}
 _XT: Final = PacketLayout(
-    (1080,), {**_MARK, 2: 6, 6: 32, 7: 8}, blocks=8, header=12, unit=4, units=32, mode=1062, stamp=1071, date=1065,
-    distance_mm=9,
+    (1080,), {**_HESAI_MARK, 2: 6, 6: 32, 7: 8}, blocks=8, header=12, unit=4, units=32, mode=1062, stamp=1071,
+    date=1065, distance_mm=9,
 )  # fmt: skip
 _XT16: Final = replace(_XT, lengths=(568,), signature={**_XT.signature, 6: 16}, units=16, mode=550, stamp=559, date=553)
 _XTM: Final = replace(_XT, lengths=(820,), signature={**_XT.signature, 7: 6}, blocks=6, mode=802, stamp=811, date=805)
 _QT: Final = PacketLayout(
-    (1072, 1068), {**_MARK, 2: 3, 6: 64, 7: 4}, blocks=4, header=12, unit=4, units=64, mode=1060, stamp=1056, date=1062,
-    distance_mm=9,
+    (1072, 1068), {**_HESAI_MARK, 2: 3, 6: 64, 7: 4}, blocks=4, header=12, unit=4, units=64, mode=1060, stamp=1056,
+    date=1062, distance_mm=9,
 )  # fmt: skip
 _P64: Final = PacketLayout(
-    (1198, 1194), {**_MARK, 2: 64, 3: 6}, blocks=6, header=8, unit=3, units=64, mode=1186, stamp=1182, date=1188,
+    (1198, 1194), {**_HESAI_MARK, 2: 64, 3: 6}, blocks=6, header=8, unit=3, units=64, mode=1186, stamp=1182, date=1188,
     distance_mm=5,
 )  # fmt: skip
 _P40: Final = PacketLayout(
