@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.readers.imu_csv import AttitudeCsv, ImuCsv
+from furrowmap.core.readers.attitude_csv import AttitudeCsv
+from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.rosbag.bags import RosBag2
