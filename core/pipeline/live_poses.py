@@ -42,6 +42,8 @@ START_WAY_M: Final = 0.8
 START_NOISES: Final = 15.0
 START_WITHIN_S: Final = 4.0
 """Poses are given once positions moved so far, and by so many times their noise, in so short a time."""
+KNOWN_HEADING_DEG: Final = 1.5
+"""The first pose has a standard deviation of the heading below it: others navigate by what is sent."""
 STAND_BEFORE_START_M: Final = 0.1
 """Scans from before, while the vehicle stood within this, show the ground best."""
 BETTER: Final = 4.0
@@ -123,6 +125,7 @@ class LivePoses:
         self._track: GnssTrack | None = None
         self._drives: list[_Drive] = []
         self._fits: list[float] = []
+        self._heading_known = False
 
     @property
     def direction_is_certain(self) -> bool:
@@ -174,7 +177,9 @@ class LivePoses:
             for drive in self._drives:
                 drive.add(each, positions)
             self._choose()
-        return self.at(_middle_s(scan)) if not self._first else None
+        pose = self.at(_middle_s(scan)) if not self._first else None
+        self._heading_known |= pose is not None and pose.sigma[5] < KNOWN_HEADING_DEG
+        return pose if self._heading_known else None
 
     def at(self, t_s: float) -> LivePose | None:
         """The pose at a time of the last seconds or just after them; later ones know more of it. None if unknown."""
