@@ -30,13 +30,8 @@ def frame_head(source: tuple[str, int], target: tuple[str, int], size: int) -> b
     total = int(sum(struct.unpack(">10H", ip)))
     checksum = ~(total + (total >> 16)) & 0xFFFF
     ethernet = b"\x02\0" + ends[1] + b"\x02\0" + ends[0] + b"\x08\0"
-    return (
-        ethernet
-        + ip[:10]
-        + checksum.to_bytes(2, "big")
-        + ip[12:]
-        + struct.pack(">HHHH", source[1], target[1], 8 + size, 0)
-    )
+    udp = struct.pack(">HHHH", source[1], target[1], 8 + size, 0)
+    return ethernet + ip[:10] + checksum.to_bytes(2, "big") + ip[12:] + udp
 
 
 def records(time_us: NDArray[np.int64], payload: Bytes, port: int, number: int) -> Bytes:

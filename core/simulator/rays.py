@@ -104,9 +104,9 @@ class Beams:
     azimuth_deg: FloatArray
     height_m: FloatArray
     laser_s: FloatArray
-    origin_m: float
     step_m: float
-    zero_deg: float
+    origin_m: float = 0.0
+    zero_deg: float = 0.0
 
 
 class Optics(NamedTuple):

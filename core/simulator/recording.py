@@ -104,10 +104,10 @@ class ScannerModel:
     firings_a_packet: int
     firings_a_packet_dual: int
     firing_s: float
-    columns: int
     port: int
     packets: Callable[[Scenario, SimulatedSite, Spin, int, Returns], Bytes]
-    position_packets: bool
+    columns: int = 0
+    position_packets: bool = False
     stated: str = ""
     beside: Callable[[Scenario], tuple[str, str]] | None = None
     container: Container = PCAP
@@ -133,7 +133,7 @@ def clock_us(scenario: Scenario, site: SimulatedSite) -> int:
 _CHANNELS: Final = 32
 _BLOCKS: Final = 8
 _HEAD: Final = (0xEE, 0xFF, 6, 1, 0, 0, _CHANNELS, _BLOCKS, 0, 4, 2, 1)
-_MODE: Final = {"strongest": 0x37, "last": 0x38, "dual": 0x39}
+RETURN_MODE: Final = {"strongest": 0x37, "last": 0x38, "dual": 0x39}
 _XT_CHANNEL: Final = np.arange(_CHANNELS, dtype=np.float64)
 _CHANNEL_DEG: Final = np.round(15.0 - _XT_CHANNEL - 0.04 * np.sin(_XT_CHANNEL), 3)
 """Elevations of this sensor, as its calibration states them: some hundredths of a degree beside those of the model."""
@@ -146,6 +146,16 @@ _XT32_PACKET: Final = np.dtype([
 ])  # fmt: skip
 
 
+def _fill_blocks(blocks: NDArray[np.void], returns: Returns, mode: str) -> None:
+    """Set the returns (n, blocks, lasers); of dual ones the last is in the first block of a pair, by index from 0."""
+    for name, values in (("ticks", returns.ticks), ("reflectivity", returns.reflectivity)):
+        packed = values.reshape(2, len(blocks), -1, blocks.shape[2])
+        if mode == "dual":
+            blocks[name][:, 0::2], blocks[name][:, 1::2] = packed[1], packed[0]
+        else:
+            blocks[name] = packed[0 if mode == "strongest" else 1]
+
+
 def _xt32_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, returns: Returns) -> Bytes:
     """(n, 1080) payloads of the data packets, stamped with the time of their last block."""
     mode = scenario.lidar.return_mode
@@ -155,13 +165,7 @@ def _xt32_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: in
     packets["head"] = _HEAD
     azimuth = np.round(spin.turns(spin.time_s(firing)).reshape(n, -1) % 1.0 * 36000).astype(np.uint16) % 36000
     packets["blocks"]["azimuth"] = np.repeat(azimuth, _BLOCKS // spin.firings_a_packet, axis=1)
-    for name, values in (("ticks", returns.ticks), ("reflectivity", returns.reflectivity)):
-        packed = values.reshape(2, n, -1, _CHANNELS)
-        if mode == "dual":  # the last return in the odd blocks (from 1), the strongest in the even ones
-            packets["blocks"]["returns"][name][:, 0::2] = packed[1]
-            packets["blocks"]["returns"][name][:, 1::2] = packed[0]
-        else:
-            packets["blocks"]["returns"][name] = packed[0 if mode == "strongest" else 1]
+    _fill_blocks(packets["blocks"]["returns"], returns, mode)
     last = firing[spin.firings_a_packet - 1 :: spin.firings_a_packet]
     stamp_us = np.round(spin.time_s(last) * 1e6).astype(np.int64) + clock_us(scenario, site)
     for second in np.unique(stamp_us // 1_000_000):
@@ -169,7 +173,7 @@ def _xt32_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: in
         date = (at.year - 1900, at.month, at.day, at.hour, at.minute, at.second)
         packets["date"][stamp_us // 1_000_000 == second] = date
     packets["stamp_us"] = stamp_us % 1_000_000
-    packets["mode"], packets["speed"] = _MODE[mode], scenario.lidar.rpm
+    packets["mode"], packets["speed"] = RETURN_MODE[mode], scenario.lidar.rpm
     packets["sequence"] = first + np.arange(n)
     return packets.view(np.uint8).reshape(n, -1)
 
@@ -181,22 +185,12 @@ def calibration(_: Scenario) -> tuple[str, str]:
 
 
 XT32: Final = ScannerModel(
-    beams=Beams(
-        elevation_deg=_CHANNEL_DEG,
-        azimuth_deg=_TURNED_DEG,
-        height_m=np.zeros(_CHANNELS),
-        laser_s=(6.0 + 1.512 * _XT_CHANNEL) * 1e-6,
-        origin_m=0.0,
-        step_m=0.004,
-        zero_deg=0.0,
-    ),
+    beams=Beams(_CHANNEL_DEG, _TURNED_DEG, np.zeros(_CHANNELS), (6.0 + 1.512 * _XT_CHANNEL) * 1e-6, step_m=0.004),
     firings_a_packet=_BLOCKS,
     firings_a_packet_dual=_BLOCKS // 2,
     firing_s=50e-6,
-    columns=0,
     port=2368,
     packets=_xt32_packets,
-    position_packets=False,
     beside=calibration,
 )
 
@@ -216,29 +210,13 @@ FIRING_S: Final = 55.296e-6
 BLOCKS_PER_PACKET: Final = 12
 """Blocks in a packet, each of two firings of all lasers."""
 AZIMUTH_STEP_DEG: Final = 0.01
-RETURN_MODE: Final = {"strongest": 0x37, "last": 0x38, "dual": 0x39}
 PRODUCT_ID: Final = 0x22
 POSITION_PORT: Final = 8308
 HOUR_US: Final = 3_600_000_000
 POSITION_BYTES: Final = 512
 POSITION_EVERY_S: Final = 0.5
-_PACKET: Final = np.dtype(
-    {
-        "names": ["blocks", "stamp_us", "factory"],
-        "formats": [
-            (
-                np.dtype(
-                    [("flag", "<u2"), ("azimuth", "<u2"), ("returns", [("ticks", "<u2"), ("reflectivity", "u1")], 32)]
-                ),
-                BLOCKS_PER_PACKET,
-            ),
-            "<u4",
-            ("u1", 2),
-        ],
-        "offsets": [0, 1200, 1204],
-        "itemsize": 1206,
-    }
-)
+_BLOCK: Final = [("flag", "<u2"), ("azimuth", "<u2"), ("returns", [("ticks", "<u2"), ("reflectivity", "u1")], 32)]
+_PACKET: Final = np.dtype([("blocks", _BLOCK, BLOCKS_PER_PACKET), ("stamp_us", "<u4"), ("factory", "u1", 2)])
 
 
 def vlp16_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, returns: Returns) -> Bytes:
@@ -250,13 +228,7 @@ def vlp16_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: in
     packets["blocks"]["flag"] = 0xEEFF
     turn = spin.turns(spin.time_s(firing[::2])).reshape(n, -1) % 1.0
     azimuth = np.round(turn * (360.0 / AZIMUTH_STEP_DEG)).astype(np.uint16) % 36000
-    for name, values in (("ticks", returns.ticks), ("reflectivity", returns.reflectivity)):
-        packed = values.reshape(2, n, -1, 2 * len(ELEVATION_DEG))
-        if mode == "dual":  # the last return in the even blocks, the strongest or second-strongest in the odd ones
-            packets["blocks"]["returns"][name][:, 0::2] = packed[1]
-            packets["blocks"]["returns"][name][:, 1::2] = packed[0]
-        else:
-            packets["blocks"]["returns"][name] = packed[0 if mode == "strongest" else 1]
+    _fill_blocks(packets["blocks"]["returns"], returns, mode)
     packets["blocks"]["azimuth"] = np.repeat(azimuth, 2, axis=1) if mode == "dual" else azimuth
     stamp_us = np.round(spin.time_s(firing[:: spin.firings_a_packet]) * 1e6).astype(np.int64)
     packets["stamp_us"] = (stamp_us + clock_us(scenario, site)) % HOUR_US
@@ -277,18 +249,11 @@ def position_packet(scenario: Scenario, site: SimulatedSite, t_s: float, gprmc: 
 
 VLP16: Final = ScannerModel(
     beams=Beams(
-        elevation_deg=ELEVATION_DEG,
-        azimuth_deg=np.zeros(len(ELEVATION_DEG)),
-        height_m=VERTICAL_OFFSET_M,
-        laser_s=LASER_S * np.arange(len(ELEVATION_DEG), dtype=np.float64),
-        origin_m=0.0,
-        step_m=0.002,
-        zero_deg=0.0,
+        ELEVATION_DEG, np.zeros(16), VERTICAL_OFFSET_M, LASER_S * np.arange(16, dtype=np.float64), step_m=0.002
     ),
     firings_a_packet=2 * BLOCKS_PER_PACKET,
     firings_a_packet_dual=BLOCKS_PER_PACKET,
     firing_s=FIRING_S,
-    columns=0,
     port=2368,
     packets=vlp16_packets,
     position_packets=True,
@@ -313,14 +278,10 @@ OS1_TO_SENSOR: Final = [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, _HEIGHT_MM, 0, 0, 0, 
 OS1_PIXEL: Final = np.dtype(
     {"names": ["range", "reflectivity"], "formats": ["<u4", "u1"], "offsets": [0, 4], "itemsize": 12}
 )
-OS1_PIXEL_DUAL: Final = np.dtype(
-    {
-        "names": ["range", "reflectivity", "range2", "reflectivity2"],
-        "formats": ["<u4", "u1", "<u4", "u1"],
-        "offsets": [0, 3, 4, 7],
-        "itemsize": 16,
-    }
-)
+OS1_PIXEL_DUAL: Final = np.dtype({
+    "names": ["range", "reflectivity", "range2", "reflectivity2"], "formats": ["<u4", "u1", "<u4", "u1"],
+    "offsets": [0, 3, 4, 7], "itemsize": 16,
+})  # fmt: skip
 """A pixel; of the ranges 19 bits count, those above hold flags and reflectivity."""
 
 
@@ -398,9 +359,7 @@ def metadata(scenario: Scenario) -> tuple[str, str]:
             "udp_profile_lidar": profile,
             "udp_profile_imu": "LEGACY",
             "lidar_mode": mode,
-            "timestamp_mode": "TIME_FROM_SYNC_PULSE_IN"
-            if scenario.lidar.position_packets
-            else "TIME_FROM_INTERNAL_OSC",
+            "timestamp_mode": f"TIME_FROM_{'SYNC_PULSE_IN' if scenario.lidar.position_packets else 'INTERNAL_OSC'}",
             "nmea_leap_seconds": 0,
         },
     }
@@ -409,10 +368,10 @@ def metadata(scenario: Scenario) -> tuple[str, str]:
 
 OS1_32: Final = ScannerModel(
     beams=Beams(
-        elevation_deg=_ELEVATION_DEG,
-        azimuth_deg=_AZIMUTH_DEG,
-        height_m=np.full(OS1_BEAMS, 1e-3 * _HEIGHT_MM),
-        laser_s=np.zeros(OS1_BEAMS),
+        _ELEVATION_DEG,
+        _AZIMUTH_DEG,
+        np.full(OS1_BEAMS, 1e-3 * _HEIGHT_MM),
+        np.zeros(OS1_BEAMS),
         origin_m=1e-3 * _ORIGIN_MM,
         step_m=0.001,
         zero_deg=180.0,
@@ -423,7 +382,6 @@ OS1_32: Final = ScannerModel(
     columns=OS1_COLUMNS,
     port=7502,
     packets=_os1_packets,
-    position_packets=False,
     beside=metadata,
 )
 
@@ -506,21 +464,13 @@ def _bag_head() -> bytes:
 
 MID360: Final = ScannerModel(
     beams=Beams(
-        elevation_deg=_ROSETTE_DEG,
-        azimuth_deg=np.zeros(_POINTS_A_SWING),
-        height_m=np.zeros(_POINTS_A_SWING),
-        laser_s=(_PHASE - 0.5 / _POINTS_A_SWING) * _SWING_S,
-        origin_m=0.0,
-        step_m=0.001,
-        zero_deg=0.0,
+        _ROSETTE_DEG, *np.zeros((2, _POINTS_A_SWING)), (_PHASE - 0.5 / _POINTS_A_SWING) * _SWING_S, step_m=0.001
     ),
     firings_a_packet=_SWINGS,
     firings_a_packet_dual=_SWINGS,
     firing_s=_SWING_S,
-    columns=0,
     port=0,
     packets=messages,
-    position_packets=False,
     container=Container(".bag", _bag_head(), _chunks),
 )
 

@@ -33,7 +33,7 @@ from furrowmap.core.simulator.soil import Ground, ground_height, make_ground
 from furrowmap.core.simulator.truth import quarters
 
 _NONE: Final = np.zeros(1)
-_BEAM: Final = Beams(_NONE, _NONE, _NONE, _NONE, origin_m=0.0, step_m=0.002, zero_deg=0.0)
+_BEAM: Final = Beams(_NONE, _NONE, _NONE, _NONE, step_m=0.002)
 _LINES_PER_BATCH: Final = 20_000
 """Beams cast together."""
 

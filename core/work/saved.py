@@ -42,10 +42,9 @@ def save_implement(path: Path, implement: SeenImplement) -> None:
 def load_implement(path: Path) -> SeenImplement:
     """An implement of an earlier session; InputError if the file is unreadable or not of :func:`save_implement`."""
     try:
-        implement = _implement(read_npz(path))
+        return _implement(read_npz(path))
     except (OSError, ValueError, KeyError) as error:
         raise InputError("implement-unreadable", path=path, error=error) from error
-    return implement
 
 
 def _implement(arrays: dict[str, Any]) -> SeenImplement:
@@ -62,17 +61,9 @@ def _implement(arrays: dict[str, Any]) -> SeenImplement:
         raise ValueError("its arrays do not fit each other")
     a, b, c = arrays["ground"].tolist()
     x0, x1, y0, y1 = arrays["box_m"].tolist()
+    seen, still_m = arrays["columns"].astype(bool), arrays["still_m"].astype(np.float32)
     return SeenImplement(
-        region=Region(
-            ground=(a, b, c),
-            box_m=(x0, x1, y0, y1),
-            columns=arrays["columns"].astype(bool),
-            still_m=arrays["still_m"].astype(np.float32),
-            begin=int(begin),
-            split=int(split),
-            clockwise=bool(clockwise),
-            turn_s=turn_s,
-        ),
+        region=Region((a, b, c), (x0, x1, y0, y1), seen, still_m, int(begin), int(split), bool(clockwise), turn_s),
         template=SideTemplate(grid, arrays["odds"].astype(np.float32)),
         levels=Levels(low_m, high_m, ToolState(int(hidden)), sigma_m, jitter_m),
         working_m=working_m,
