@@ -75,6 +75,15 @@ def test_session_page__defaults_of_an_imu() -> None:
     assert worst_first == sorted(worst_first, reverse=True)
 
 
+def test_session_page__noise_of_each_class() -> None:
+    page = (ROOT / "docs/reference/session.md").read_text(encoding="utf-8")
+    head, *rows = (
+        re.findall(r"[^|`\s]+", line) for line in page.splitlines() if re.match(r" *\| (`\w+_|figure)", line)
+    )
+    stated_figures = {kind: {row[0]: float(row[k]) for row in rows} for k, kind in enumerate(head[1:], start=1)}
+    assert stated_figures == IMU_CLASSES
+
+
 def test_commands_page__threads_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     stated("docs/reference/commands.md", "else the number of processors, at most 8]")
     monkeypatch.delenv(settings.THREADS_VARIABLE, raising=False)

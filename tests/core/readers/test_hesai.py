@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable
 from itertools import product
@@ -107,6 +108,39 @@ def test_times_and_angles__are_those_of_the_maker(name: str, returns: int) -> No
     assert set(scan.returns) == {returns}
 
 
+def test_angles__are_those_of_the_data_sheets() -> None:
+    """From -6 to 2 degrees, a Pandar40P has a beam every third of a degree, a Pandar64 every sixth."""
+    for name, inner, apart_deg in (("Pandar40P", 25, 0.011), ("Pandar64", 49, 0.12)):
+        outer = np.array([-7.0, -8.0, -9.0, -10.0, -11.0, -12.0, -13.0, -14.0, -19.0, -25.0])
+        fan_deg = np.concatenate([[15.0, 11.0, 8.0, 5.0, 3.0], np.linspace(2.0, -6.0, inner), outer])
+        np.testing.assert_allclose(HESAI.named(name).elevation_deg, fan_deg, rtol=0, atol=apart_deg)
+    columns = [set(HESAI.named(name).azimuth_deg.tolist()) for name in ("Pandar40P", "Pandar64")]
+    assert columns == [{-5.208, -1.042, 3.125}, {-5.208, -3.125, -1.042, 1.042, 3.125, 5.208}]
+
+
+def test_angles__of_the_pandar_qt_are_smooth_and_alike_above_and_below() -> None:
+    """Four groups of sixteen lasers, in turn to the left and to the right, those of a group almost in a plane."""
+    model = HESAI.named("PandarQT64")
+    assert np.ptp(model.elevation_deg) == pytest.approx(104.2, abs=0.1)
+    assert np.abs(model.elevation_deg + model.elevation_deg[::-1]).max() < 0.02
+    assert np.abs(np.diff(model.elevation_deg, 3)).max() < 0.03
+    aside = (np.cos(np.radians(model.elevation_deg)) * np.tan(np.radians(model.azimuth_deg))).reshape(4, 16)
+    assert np.sign(aside).T.tolist() == [[1, -1, 1, -1]] * 16
+    assert np.ptp(np.abs(aside), axis=1).max() < 0.0015
+
+
+def test_firings__follow_each_other_in_the_steps_of_each_model() -> None:
+    """Microseconds; two lasers of a Pandar64 fire at once, 16 steps of 1.968 and then 16 of 1.304."""
+    steps_us = np.concatenate([3.62 + 1.304 * np.arange(16), 25.148 + 1.968 * np.arange(16)])
+    before_us = -1e6 * HESAI.named("Pandar64").laser_s
+    np.testing.assert_allclose(np.sort(before_us), np.repeat(steps_us, 2), rtol=0, atol=1e-6)
+    between_us = np.diff(np.sort(-1e6 * HESAI.named("Pandar40P").laser_s))
+    assert np.abs(between_us[:, None] - [0.0, 1.304, 1.968]).min(axis=1).max() < 0.01
+    after = np.arange(1, 64)
+    expected_us = 2.055 + np.where(after % 16 == 0, 0.995, np.where(after % 8 == 0, 0.39, 0.0))
+    np.testing.assert_allclose(np.diff(1e6 * HESAI.named("PandarQT64").laser_s), expected_us, rtol=0, atol=0.02)
+
+
 def notices_of(path: Path) -> dict[str, str]:
     reader = HesaiPcap([path], ReadOptions())
     assert sum(len(scan) for scan in reader.scans()) == 200 * 8 * 32
@@ -146,11 +180,20 @@ def test_angles__of_another_sensor_or_damaged_are_refused(tmp_path: Path, files:
     assert all(line.endswith(".") for line in error.value.lines)
 
 
-def test_models__that_are_not_supported_or_contradict_the_packets_are_refused(tmp_path: Path) -> None:
-    other = bytes((0xEE, 0xFF, 1, 4, 0, 0, 128, 2)).ljust(861, b"\0")
-    with pytest.raises(InputError, match="Pandar128 or OT128") as error:
+@pytest.mark.parametrize(
+    ("version", "name"),
+    [((1, 1), "Pandar128"), ((1, 3), "Pandar128"), ((1, 4), "Pandar128 or OT128"), ((3, 2), "QT128"), ((4, 1), "AT128"),
+     ((4, 3), "AT128"), ((5, 1), "FT120"), ((7, 2), "FT120"), ((9, 9), None)],
+)  # fmt: skip
+def test_models__that_are_not_supported_are_named(tmp_path: Path, version: tuple[int, int], name: str | None) -> None:
+    other = bytes((0xEE, 0xFF, *version, 0, 0, 128, 2)).ljust(861, b"\0")
+    with pytest.raises(InputError) as error:
         HesaiPcap([capture(tmp_path, [other] * 20)], ReadOptions())
-    assert error.value.code == "unsupported-model"
+    assert (error.value.code == "unsupported-model") == (name is not None)
+    assert name is None or re.search(rf"\b{name}\b", str(error.value))
+
+
+def test_models__that_contradict_the_packets_are_refused() -> None:
     with pytest.raises(InputError, match="PandarXT-16, but the packets are those of a PandarXT-32") as error:
         decoded([packet("PandarXT-32", 1.75e9, 0)], "XT16")
     assert error.value.code == "model-contradicted"

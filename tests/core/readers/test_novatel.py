@@ -106,6 +106,55 @@ def bestnav(lat_deg: float = -7.89377025183) -> bytes:
     )
 
 
+OEM7 = """BESTPOS 42, BESTVEL 99, HEADING 971, HEADING2 1335, INSPVA 507, INSPVAS 508, INSPVAX 1465, IONUTC 8,
+VERSION 37, RAWEPHEM 41, RANGE 43, PSRPOS 47, RXSTATUS 93, PSRVEL 100, TIME 101, RANGECMP 140, PSRDOP 174, BESTXYZ 241,
+INSATT 263, INSCOV 264, INSPOS 265, INSSPD 266, INSVEL 267, RAWIMU 268, INSATTS 319, INSCOVS 320, RAWIMUS 325,
+GLOEPHEMERIS 723, GALEPHEMERIS 1122, BESTGNSSPOS 1429, BESTGNSSVEL 1430, RAWIMUX 1461, RAWIMUSX 1462, BDSEPHEMERIS 1696,
+CORRIMUS 2264"""
+N4 = """BESTNAV 2118, PVTSLN 1021, UNIHEADING 972, GPSION 8, OBSVM 12, OBSVH 13, VERSION 37, RECTIME 102, OBSVMCMP 138,
+ADRNAV 142, BESTNAVXYZ 240, RTKSTATUS 509, STADOP 954, PPPNAV 1026, UNIHEADING2 1331, RTCMSTATUS 2125, AGRIC 11276"""
+"""Numbers of messages, of the manuals of NovAtel's OEM7 and Unicore's N4 receivers."""
+
+
+def short_binary(number: int, content: bytes) -> bytes:
+    """A binary message of NovAtel's with a short header."""
+    head = struct.pack("<4BHHI", 0xAA, 0x44, 0x13, len(content), number, 2400, 0)
+    return head + content + struct.pack("<I", crc32(head + content, 0xFFFFFFFF) ^ 0xFFFFFFFF)
+
+
+def numbered(manual: str) -> dict[str, int]:
+    """Names and their numbers."""
+    return {name: int(number) for name, number in (entry.split() for entry in manual.split(","))}
+
+
+def test_messages__are_counted_by_their_names() -> None:
+    """A binary message has a number only."""
+    oem7 = b"".join(short_binary(number, bytes(200)) for number in numbered(OEM7).values())
+    n4 = b"".join(unicore_binary(number, bytes(200), 2400, 0) for number in numbered(N4).values())
+    for manual, stream in ((OEM7, oem7), (N4, n4)):
+        counts = MessageCounts[str]()
+        scan_bytes(stream, counts, last=True)
+        assert (counts.kinds, counts.bad) == (dict.fromkeys(numbered(manual), 1), 0)
+
+
+KINDS = """NONE 0, FIXEDPOS 1, FIXEDHEIGHT 2, SINGLE 16, PSRDIFF 17, WAAS 18, PROPAGATED 19, L1_FLOAT 32,
+NARROW_FLOAT 34, L1_INT 48, WIDE_INT 49, NARROW_INT 50, RTK_DIRECT_INS 51, INS_SBAS 52, INS_PSRSP 53, INS_PSRDIFF 54,
+INS_RTKFLOAT 55, INS_RTKFIXED 56, PPP_CONVERGING 68, PPP 69, OPERATIONAL 70, WARNING 71, OUT_OF_BOUNDS 72,
+INS_PPP_CONVERGING 73, INS_PPP 74, PPP_BASIC_CONVERGING 77, PPP_BASIC 78, INS_PPP_BASIC_CONVERGING 79,
+INS_PPP_BASIC 80, IONOFREE_FLOAT 33"""
+"""Types of position of the manual of OEM7 receivers."""
+
+
+def test_types_of_position__are_the_same_in_ascii_and_binary(tmp_path: Path) -> None:
+    kinds = numbered(KINDS)
+    words = log_of(tmp_path, b"".join(bestpos(k, kind=word) for k, word in enumerate(kinds))).track()
+    contents = [bestnav(43.0 + 1e-5 * k) for k in range(len(kinds))]
+    contents = [one[:4] + struct.pack("<I", kind) + one[8:] for one, kind in zip(contents, kinds.values(), strict=True)]
+    stream = b"".join(unicore_binary(2118, content, 2400, 1000 * k) for k, content in enumerate(contents))
+    assert log_of(tmp_path, stream).track().fix.tolist() == words.fix.tolist()
+    assert len(words) == len(kinds) - 1
+
+
 def test_unicore__in_binary(tmp_path: Path) -> None:
     heading = struct.pack("<II6f4s8B", 0, 50, 1.3868, 41.3574, -0.9784, 0, 0.1966, 0.5238, b"999", *range(8))
     log = log_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from binascii import crc_hqx
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from furrowmap.core.readers.vectornav.log import AsciiSentences, BinaryMessages,
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.values.clock import gps_to_utc_s
-from tests.core.readers.vectornav_logs import TOW_S, WEEK, common, grouped, sentence, vnimu, vnins
+from tests.core.readers.vectornav_logs import TOW_S, WEEK, common, grouped, message, sentence, vnimu, vnins
 
 BEGIN_S = float(gps_to_utc_s(604_800 * WEEK + TOW_S))
 K = np.arange(60)
@@ -66,6 +67,32 @@ def test_binary__in_other_groups_and_long(tmp_path: Path, monkeypatch: pytest.Mo
     track = VectorNavBinary([path], ReadOptions()).inertial()
     assert track.t_s == pytest.approx(BEGIN_S + 0.01 * np.arange(900), abs=1e-6)
     assert track.rate_radps[-1] == pytest.approx([0.1, 0.2, 0.3], abs=1e-7)
+
+
+GPS_FIELDS = "8s Q H B B 3d 3d 3f 3f 3f f f 2s 7f"
+FIELDS = (
+    "Q Q Q 3f 4f 3f 3d 3f 3f 6f 5f 7f H I Q",
+    "Q Q Q H Q Q bBBBBBH I I B",
+    "H 3f 3f 3f f f 4f 3f 3f 3f 3f H 10f",
+    GPS_FIELDS,
+    "H 3f 4f 9f 3f 3f 3f 3f 3f 3f 7f 6f 3f",
+    "H 3d 3d 3f 3f 3f 3f 3f 3f f f 17f 16f",
+    GPS_FIELDS,
+)
+"""Types of the fields of each group, of the manual's tables of binary output."""
+
+
+@pytest.mark.parametrize("group", range(len(FIELDS)))
+def test_binary__fields_are_as_long_as_in_the_manual(group: int) -> None:
+    """Of each message with one field, the end is found, and with it the next message."""
+    for bit, kind in enumerate(FIELDS[group].split()):
+        stream = 2 * message({group: (1 << bit, bytes(range(struct.calcsize(f"<{kind}"))))})
+        found = BinaryMessages()
+        found.scan(stream)
+        assert (list(found.counts.kinds.values()), len(stream)) == ([2], sum(map(len, found.found.values()))), bit
+    beyond = BinaryMessages()
+    beyond.scan(2 * message({group: (1 << len(FIELDS[group].split()), bytes(8))}))
+    assert not beyond.found
 
 
 def test_binary__damaged_messages_are_counted(tmp_path: Path) -> None:
