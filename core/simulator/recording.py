@@ -463,9 +463,7 @@ def _bag_head() -> bytes:
 
 
 MID360: Final = ScannerModel(
-    beams=Beams(
-        _ROSETTE_DEG, *np.zeros((2, _POINTS_A_SWING)), (_PHASE - 0.5 / _POINTS_A_SWING) * _SWING_S, step_m=0.001
-    ),
+    beams=Beams(_ROSETTE_DEG, 0.0 * _PHASE, 0.0 * _PHASE, (_PHASE - 0.5 / _POINTS_A_SWING) * _SWING_S, step_m=0.001),
     firings_a_packet=_SWINGS,
     firings_a_packet_dual=_SWINGS,
     firing_s=_SWING_S,
