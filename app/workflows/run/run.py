@@ -106,9 +106,14 @@ def run_opened(
         using_threads(opened.session.run.threads, by_default=True),
         ThreadPoolExecutor(1, "importing") as pool,
     ):
-        if threads() > 1:
-            pool.submit(_import_products)  # while the trajectory is computed by kernels, which leave it the interpreter
-            pool.submit(_prepare_last_step)
+        later = iter((_import_products, _prepare_last_step) if threads() > 1 else ())
+
+        def report(stage: str, share: float) -> None:
+            # When the first packets are read: kernels compute, and leave the interpreter to these imports.
+            for work in later:
+                pool.submit(work)
+            progress(stage, share)
+
         inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
         with ExitStack() as stack:
             parcels = None
@@ -129,7 +134,7 @@ def run_opened(
                 return products[0].add
 
             checkpoint = KeptMatching(kept(staging), opened, inputs)
-            found = pipeline.run(opened, open_sink, progress, checkpoint)
+            found = pipeline.run(opened, open_sink, report, checkpoint)
             worked_m2 = found.work.ground.figures.worked.grid_m2 if found.work.ground is not None else None
             shown = live_difference(opened.file.parent, found.frame.name, found.placement.poses, worked_m2)
             found = replace(found, live=shown)

@@ -6,7 +6,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
 
-import laspy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -127,6 +126,8 @@ class CloudBatch:
 
 def layout(header: LasHeader) -> np.dtype[np.void]:
     """Structure of a point record; extra bytes at its end are skipped."""
+    import laspy  # with its client for HTTP 0.1 s, and few sessions name a LAS file
+
     fields: Any = laspy.point.format.PointFormat(header.point_format).dtype().fields
     return np.dtype(
         {
