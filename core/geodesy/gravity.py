@@ -14,8 +14,6 @@ from furrowmap.core.values.earth import SEMI_MAJOR_M
 
 GEOID_SIGMA_M: Final = 5.0
 """Standard deviation: of what harmonics of higher degrees add (Kaula's rule, 64 m over the degree)."""
-_AXIS_M: Final = 6_378_137.0
-_FLATTENING: Final = 1.0 / 298.257222101
 _NORMAL: Final = {2: -484_166.855, 4: 790.304, 6: -1.687}
 """Zonal harmonics of the normal field, in 1e-9."""
 _EGM96: Final = """
@@ -36,7 +34,7 @@ _EGM96: Final = """
 
 def coarse_geoid_m(lon_deg: float, lat_deg: float) -> float:
     """The height of the geoid above the ellipsoid, with a standard deviation of GEOID_SIGMA_M."""
-    geocentric = np.arctan((1.0 - _FLATTENING) ** 2 * np.tan(np.radians(np.clip(lat_deg, -89.99, 89.99))))
+    geocentric = np.arctan((1.0 - _GRS80_FLATTENING) ** 2 * np.tan(np.radians(np.clip(lat_deg, -89.99, 89.99))))
     sine, cosine = float(np.sin(geocentric)), float(np.cos(geocentric))
     total = 0.0
     for degree, text in enumerate(_EGM96.strip().splitlines(), start=2):
@@ -47,7 +45,7 @@ def coarse_geoid_m(lon_deg: float, lat_deg: float) -> float:
             angle = order * np.radians(lon_deg)
             c, s = (values[0], 0.0) if order == 0 else values[2 * order - 1 : 2 * order + 1]
             total += by_order[order] * float(c * np.cos(angle) + s * np.sin(angle))
-    return 1e-9 * _AXIS_M * total
+    return 1e-9 * SEMI_MAJOR_M * total
 
 
 def _legendre(degree: int, sine: float, cosine: float) -> list[float]:
@@ -68,10 +66,10 @@ def _legendre(degree: int, sine: float, cosine: float) -> list[float]:
 
 
 EARTH_RATE_RADPS: Final = 7.292115e-5
-_GRS80_ECCENTRICITY_2: Final = 0.00669438002290
 _EQUATOR_MPS2: Final = 9.7803267715
 _SOMIGLIANA: Final = 0.001931851353
 _GRS80_FLATTENING: Final = 1.0 / 298.257222101
+_GRS80_ECCENTRICITY_2: Final = _GRS80_FLATTENING * (2.0 - _GRS80_FLATTENING)
 _GRS80_M: Final = 0.00344978600308
 """Constants of GRS80 (Moritz 2000, Journal of Geodesy 74, 128-133)."""
 

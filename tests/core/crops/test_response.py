@@ -68,6 +68,20 @@ def test_offsets_of_blocks__are_found_and_do_not_move_the_curve() -> None:
     assert abs(bare.offsets.mean()) < 1e-12
 
 
+@pytest.mark.parametrize("unit", [0.01, 100.0])
+def test_fit__does_not_depend_on_the_unit_of_heights(unit: float) -> None:
+    height = heights(7)
+    metres, others = fit_logistic(DOSE, height, BLOCK), fit_logistic(DOSE, unit * height, BLOCK)
+    assert 0.9 < metres.r2 < 1.0
+    assert others.r2 == pytest.approx(metres.r2, abs=1e-9)
+    assert others.sigma == pytest.approx(unit * metres.sigma)
+    for name, factor in (("lower", unit), ("rise", unit), ("gradient", 1.0), ("midpoint", 1.0), ("plateau", 1.0)):
+        one, two = getattr(metres, name), getattr(others, name)
+        assert (two.low, two.value, two.high) == pytest.approx(
+            (factor * one.low, factor * one.value, factor * one.high)
+        )
+
+
 def test_sums__are_those_of_the_observations() -> None:
     height = heights(11)
     seen = Observations.sum_up(DOSE, height, BLOCK)

@@ -15,6 +15,7 @@ from furrowmap.core.estimation.positions import (
     ANTENNA_HEADING_CORRELATION_S,
     ANTENNA_HEADING_SIGMA_RAD,
     AntennaPositions,
+    RecordedHeadings,
 )
 from furrowmap.core.estimation.registration import Registration, SliceSums
 from furrowmap.core.estimation.vehicle import (
@@ -215,3 +216,14 @@ def test_a_slice_of_returns_pulls_at_the_mean_of_its_two_knots() -> None:
 def test_huber_weight__is_huber_s() -> None:
     normalised = np.array([0.0, HUBER_SIGMAS, 2 * HUBER_SIGMAS, 100.0, np.nan])
     np.testing.assert_allclose(huber_weight(normalised), [1, 1, 0.5, HUBER_SIGMAS / 100, 1])
+
+
+@pytest.mark.parametrize(("lasting_s", "alike"), [(0.0, 1.0), (0.2, 1.0), (1.0, 2.5), (5.0, 10.0), (np.inf, 10.0)])
+def test_recorded_headings__weigh_as_many_as_are_independent(lasting_s: float, alike: float) -> None:
+    """Ten headings, each 0.4 s, of a level vehicle: their weights of the yaw add up."""
+    knots = knots_over(np.linspace(100.0, 104.0, 400))
+    n, sigma_rad = len(knots), 0.02
+    level = State(np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3)))
+    headings = RecordedHeadings(100.1 + 0.4 * np.arange(10), np.zeros(10), sigma_rad, lasting_s)
+    found = normal_equations([headings], knots, level)
+    assert found.band[0].sum() == pytest.approx(10.0 / (alike * sigma_rad**2))
