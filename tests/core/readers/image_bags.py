@@ -42,6 +42,10 @@ def raw_bytes(rgb: RGB, encoding: str) -> RGB:
         "mono8": grey,
         "mono16": np.stack([np.zeros_like(grey) + 7, grey], axis=2),
     }
+    made |= {"8UC3": made["bgr8"], "8UC1": made["mono8"], "16UC1": made["mono16"]}  # as OpenCV names them
+    luma, none = np.round(16.0 + grey * (219.0 / 255.0)).astype(np.uint8), np.full_like(grey, 128)  # ITU-R BT.601
+    made |= dict.fromkeys(("yuv422", "uyvy"), np.stack([none, luma], axis=2))
+    made |= dict.fromkeys(("yuv422_yuy2", "yuyv"), np.stack([luma, none], axis=2))
     if encoding.startswith("bayer_"):
         made[encoding] = mosaic(rgb, encoding[6:10])
     return np.ascontiguousarray(made[encoding]).reshape(len(rgb), -1)

@@ -19,7 +19,7 @@ from tests.core.readers.small_bags import ROS1, ROS2, T0_NS, nav_sat_fix, write_
 
 T0_S = T0_NS * 1e-9
 TOPIC = "/camera/image_raw"
-LEVELS = {"jpeg": 6, "bayer": 1}
+LEVELS = {"yu": 2, "uy": 2, "jpeg": 6, "bayer": 1}
 """How far colours may be off: JPEG is lossy, a mosaic has each of them at some pixels only."""
 
 
@@ -38,6 +38,7 @@ def codes(reader: Reader) -> list[str]:
     "encoding",
     [
         *("rgb8", "bgr8", "rgba8", "bgra8", "mono8", "mono16", "jpeg", "png"),
+        *("8UC3", "8UC1", "16UC1", "yuv422", "uyvy", "yuv422_yuy2", "yuyv"),
         *("bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8"),
     ],
 )
@@ -49,7 +50,7 @@ def test_images__are_what_was_recorded(tmp_path: Path, encoding: str, ros: int) 
     tolerance = next((levels for name, levels in LEVELS.items() if encoding.startswith(name)), 0)
     for k, stored in enumerate(images.paths):
         truth = gradient(k).astype(int)
-        if encoding.startswith("mono"):
+        if encoding.startswith(("mono", "8UC1", "16UC1", "yu", "uy")):
             truth = np.repeat(truth[:, :, :1], 3, axis=2)
         assert image_size(stored) == (WIDTH, HEIGHT)
         # At the border a mosaic has no neighbours to interpolate between.
