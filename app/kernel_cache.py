@@ -69,18 +69,12 @@ def sources_digest(module: str) -> str:
     found = {module: source_text(module)}
     waiting = [module]
     while waiting:
-        for name in _named(found[waiting.pop()]):
-            if name not in found and getattr(sys.modules.get(name), "__file__", None):
-                found[name] = source_text(name)
-                waiting.append(name)
+        for package, names in _IMPORT.findall(found[waiting.pop()]):
+            for name in (package, *(f"{package}.{name}" for name in re.findall(r"\w+", names))):
+                if name not in found and getattr(sys.modules.get(name), "__file__", None):
+                    found[name] = source_text(name)
+                    waiting.append(name)
     return hashlib.sha1("\0".join(found[name] for name in sorted(found)).encode(), usedforsecurity=False).hexdigest()
-
-
-@cache
-def _named(source: str) -> list[str]:
-    """What a source imports of furrowmap: modules, and names that may be modules."""
-    found = [(package, re.findall(r"\w+", names)) for package, names in _IMPORT.findall(source)]
-    return [name for package, names in found for name in (package, *(f"{package}.{name}" for name in names))]
 
 
 @cache

@@ -210,7 +210,8 @@ def relative_mounting(
     """
     trajectory, tool = first.trajectory, first.tool
     further = ground_returns(scans, stated, trajectory, on_scan)
-    unknown = _unknown(stated)
+    infinite = np.full(len(STATED_SPREAD), np.inf)
+    unknown = RelativeMounting(stated, None, np.zeros(len(infinite)), infinite, (0.0, 0.0), 0, used=False)
     if min(len(first.returns), len(further)) < MIN_RETURNS:
         return unknown
     origin_m = np.round(np.median(trajectory.xyz_m, axis=0))
@@ -257,12 +258,6 @@ def relative_mounting(
         int(count),
         used,
     )
-
-
-def _unknown(stated: Mounting) -> RelativeMounting:
-    """Nothing is shown."""
-    zero, unknown = np.zeros(len(STATED_SPREAD)), np.full(len(STATED_SPREAD), np.inf)
-    return RelativeMounting(stated, None, zero, unknown, (0.0, 0.0), 0, used=False)
 
 
 def _level(scanner: _Further, surface: HeightGrid, it: _Iterate) -> tuple[_Iterate, float]:

@@ -63,8 +63,11 @@ def estimate_penetration(second_m: float, third_m: float, noise_m: float) -> Pen
     table, noise = penetration_table(), max(noise_m, 1e-4)
     wanted, skewness = math.log(max(second_m / noise, 1e-6)), third_m / second_m
     # By shape: the second L-moment over the noise falls with the noise, and the skewness grows with the shape.
-    ratios = [np.interp(-wanted, -second, table.noises) for second in table.second]
-    found = [np.interp(*at, of) for at, of in zip(((r, table.noises) for r in ratios), table.skewness, strict=True)]
+    after = np.clip((table.second > wanted).sum(axis=1), 1, len(table.noises) - 1)
+    sides = np.arange(len(after)), np.array([after - 1, after])
+    low, high = table.second[sides]
+    share = np.clip((low - wanted) / (low - high), 0.0, 1.0)
+    ratios, found = ((1.0 - share) * of[0] + share * of[1] for of in (table.noises[sides[1]], table.skewness[sides]))
     shape = np.interp(skewness, found, table.shapes)
     ratio = np.interp(shape, table.shapes, ratios)
     return Penetration(float(shape), noise / float(ratio), noise_m)
@@ -92,8 +95,8 @@ class _Table:
 
 def _place(grid: FloatArray, value: float) -> tuple[int, float]:
     """Index of the interval of a grid that holds a value, and the share of it below the value."""
-    i = int(np.clip(np.searchsorted(grid, value, side="right") - 1, 0, len(grid) - 2))
-    return i, float(np.clip((value - grid[i]) / (grid[i + 1] - grid[i]), 0.0, 1.0))
+    i = min(max(int(np.searchsorted(grid, value, side="right")) - 1, 0), len(grid) - 2)
+    return i, min(max(float((value - grid[i]) / (grid[i + 1] - grid[i])), 0.0), 1.0)
 
 
 @lru_cache(maxsize=1)

@@ -7,7 +7,7 @@ import json
 import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -106,12 +106,11 @@ def run_opened(
         using_threads(opened.session.run.threads, by_default=True),
         ThreadPoolExecutor(1, "importing") as pool,
     ):
-        later = iter((_import_products, _prepare_last_step) if threads() > 1 else ())
+        early = threads() > 1
+        begin = cache(lambda: pool.submit(_import_products) if early else None)
 
         def report(stage: str, share: float) -> None:
-            # When the first packets are read: kernels compute, and leave the interpreter to these imports.
-            for work in later:
-                pool.submit(work)
+            begin()  # when the first packets are read: kernels compute, and leave the interpreter to these imports
             progress(stage, share)
 
         inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
@@ -153,17 +152,10 @@ def _import_products() -> None:
     """Import what writes products with its libraries; once, as objects of an earlier run must not be frozen."""
     with importing():
         import furrowmap.workflows.run.products  # noqa: F401
+        from furrowmap.exporters.reports.pages import compile_templates
 
-
-def _prepare_last_step() -> None:
-    """Load what the last step of a run needs, which a single thread does, while other steps leave a core idle."""
-    from furrowmap.exporters.reports.pages import compile_templates
-
-    compile_templates(
-        *(f"{name}.html" for name in ("report", "base", "parts", "passes", "images", "flight", "parcels"))
-    )
-    with suppress(ImportError):
-        import openpyxl  # noqa: F401
+        pages = ("report", "base", "parts", "passes", "images", "flight", "parcels")
+        compile_templates(*(f"{name}.html" for name in pages))  # half a second of the last step, which has one thread
 
 
 class KeptMatching:
