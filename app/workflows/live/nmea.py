@@ -23,7 +23,7 @@ def sentences(pose: LivePose, frame: MapFrame) -> bytes:
     clock = f"{time:%H%M%S}.{time.microsecond // 10000:02d}"
     speed = abs(pose.speed_mps)
     return b"".join(
-        _sentence(body)
+        f"${body}*{reduce(xor, body.encode('ascii')):02X}\r\n".encode("ascii")
         for body in (
             f"GPGGA,{clock},{_angle(lat, 2, 'NS')},{_angle(lon, 3, 'EW')},{quality},,,{float(h[0]):.3f},M,,M,,",
             f"GPVTG,{course:.2f},T,,M,{speed * 3600.0 / 1852.0:.2f},N,{speed * 3.6:.2f},K,A",
@@ -36,7 +36,3 @@ def _angle(angle_deg: float, digits: int, sides: str) -> str:
     """Degrees and minutes, and the hemisphere."""
     minutes = round(abs(angle_deg) * 60.0, 7)
     return f"{int(minutes // 60):0{digits}d}{minutes % 60:010.7f},{sides[angle_deg < 0.0]}"
-
-
-def _sentence(body: str) -> bytes:
-    return f"${body}*{reduce(xor, body.encode('ascii')):02X}\r\n".encode("ascii")
