@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from furrowmap.core.session.site_coordinates import SiteCoordinates as SiteCoordinates
     from furrowmap.core.session.site_coordinates import site_coordinates as site_coordinates
     from furrowmap.core.simulator.simulate import Simulated as Simulated
-    from furrowmap.core.values.parcel import PlotGrid as PlotGrid
+    from furrowmap.core.values.plot_grid import PlotGrid as PlotGrid
     from furrowmap.core.values.scan import Scan as Scan
     from furrowmap.exporters.farm.edit import KnownSession as KnownSession
     from furrowmap.exporters.farm.mosaic import Mosaic as Mosaic

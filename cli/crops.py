@@ -11,7 +11,7 @@ from furrowmap.cli.options import FILE, Paths, command, files, numbers, option, 
 from furrowmap.cli.tables import parcel_table, surveyed, table, written
 from furrowmap.core.runtime.errors import UsageError, printable
 from furrowmap.core.values.margins import with_margin
-from furrowmap.core.values.parcel import PlotGrid
+from furrowmap.core.values.plot_grid import PlotGrid
 from furrowmap.settings import CanopySettings, GrowthSettings, ParcelSettings, ResponseSettings
 
 

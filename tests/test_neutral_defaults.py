@@ -20,8 +20,8 @@ EVERY_ONE: Final = {
     "app/workflows/calibrate/mount.py calibrate_mount(every)": 1,
     "app/settings.py _every(default)": 1,
     "core/adjustment/clock_offset.py _Trial.agreement(every)": 1,
-    "core/values/parcel.py PlotGrid.first": 1,  # plots are counted from 1
-    "core/values/parcel.py PlotGrid.block_size": 1,
+    "core/values/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
+    "core/values/plot_grid.py PlotGrid.block_size": 1,
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
     "app/workflows/live/feeds.py Growing.read(size)": -1,
     "app/workflows/live/live.py live(port)": 8080,

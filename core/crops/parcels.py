@@ -15,7 +15,8 @@ from furrowmap.core.readers.areas.area import IDS, polygons_on_map
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.parcel import Attribute, Parcel, PlotGrid
+from furrowmap.core.values.parcel import Attribute, Parcel
+from furrowmap.core.values.plot_grid import PlotGrid
 
 MAX_PLOTS: Final = 100_000
 MAX_MISFIT_M: Final = 0.10

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from furrowmap import settings
 from furrowmap.cli.options import settings_options
 from furrowmap.core.runtime.options import options_of
-from furrowmap.core.values.parcel import PlotGrid
+from furrowmap.core.values.plot_grid import PlotGrid
 
 CLASSES = [one for _, one in inspect.getmembers(settings, is_dataclass)] + [PlotGrid]
 

@@ -12,7 +12,8 @@ from furrowmap.core.crops.parcels import plot_grid
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.areas.area import placed
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.parcel import Parcel, PlotGrid
+from furrowmap.core.values.parcel import Parcel
+from furrowmap.core.values.plot_grid import PlotGrid
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.vectors.crop_layers import expect_suffix, write_parcels
 

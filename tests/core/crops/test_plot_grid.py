@@ -18,7 +18,7 @@ from furrowmap import Place, plots
 from furrowmap.cli.main import command_line
 from furrowmap.core.crops.parcels import plot_grid, read_parcels
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.parcel import PlotGrid
+from furrowmap.core.values.plot_grid import PlotGrid
 
 CORNER = np.array([651_000.0, 6_132_600.0])
 SMALL = PlotGrid(rows=2, columns=3, length_m=10.0, width_m=2.5, alley_m=1.0, path_m=0.5)
