@@ -2,6 +2,7 @@
 
 import _thread
 import signal
+import sys
 import threading
 import time
 from pathlib import Path
@@ -55,6 +56,12 @@ class Interruption:
         if self.asked:
             self._raised = True
             raise KeyboardInterrupt
+
+
+def drop_interrupt(lost: "sys.UnraisableHookArgs") -> None:
+    """Hook for exceptions lost in callbacks: `Interruption.check` raises KeyboardInterrupt again, others are shown."""
+    if not issubclass(lost.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
 
 
 def _is_at_a_lock(frame: FrameType) -> bool:

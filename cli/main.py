@@ -14,7 +14,7 @@ from typing import Any, Final, NoReturn
 import click
 
 from furrowmap.cli.console import Console, error_value, put_error, put_json
-from furrowmap.cli.interruption import INTERRUPTION, Interruption
+from furrowmap.cli.interruption import INTERRUPTION, Interruption, drop_interrupt
 from furrowmap.cli.options import CommandGroup
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError, as_furrowmap_error
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
@@ -101,6 +101,7 @@ def _put_versions(*, as_json: bool) -> None:
 
 def main() -> NoReturn:
     """The console command."""
+    sys.unraisablehook = drop_interrupt
     signal.signal(signal.SIGINT, INTERRUPTION)
     signal.signal(signal.SIGTERM, INTERRUPTION)
     if sys.platform == "win32":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import os
 import signal
@@ -18,7 +19,7 @@ from llvmlite.binding.ffi import _LLVMLock
 from numba.core.compiler_lock import _CompilerLock
 from numba.core.event import end_event, start_event
 
-from furrowmap.cli.interruption import Interruption
+from furrowmap.cli.interruption import Interruption, drop_interrupt
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="timers of POSIX")
 
@@ -111,3 +112,18 @@ def test_signal__put_off_does_not_disturb_what_cleans_up() -> None:
     handler(signal.SIGUSR1, None)
     with pytest.raises(KeyboardInterrupt):  # the user asks once more
         handler(signal.SIGUSR1, None)
+
+
+@pytest.mark.parametrize(("lost", "shown"), [(KeyboardInterrupt, ""), (ValueError("a fault"), "ValueError: a fault")])
+def test_drop_interrupt__shows_other_faults_of_callbacks_only(
+    lost: BaseException, shown: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A kernel is loaded by a callback of ctypes, which prints what it cannot raise."""
+
+    def load() -> None:
+        raise lost
+
+    monkeypatch.setattr(sys, "unraisablehook", drop_interrupt)
+    ctypes.CFUNCTYPE(None)(load)()
+    err = capsys.readouterr().err
+    assert err.endswith(f"{shown}\n") if shown else not err
