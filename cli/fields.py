@@ -1,5 +1,6 @@
 """`furrowmap fields`: the worked ground of each field in ISO 11783-10 task data."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +48,12 @@ def fields(console: Console, taskdata: Path, output: Path | None, **options: Any
         found = furrowmap.fields(taskdata, output, **options, progress=progress)
     console.warn_all(found.warnings)
     answer = {"crs": found.crs, "output": output, "fields": found.rows, "warnings": found.warnings}
+    console.answer(answer, _table(found.rows))
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> str:
     lines = [[name for _, name, _ in _FIELD_COLUMNS]]
-    lines += [[_cell(row[key], unit) for key, _, unit in _FIELD_COLUMNS] for row in found.rows]
-    console.answer(answer, aligned(lines, left=2))
+    return aligned(lines + [[_cell(row[key], unit) for key, _, unit in _FIELD_COLUMNS] for row in rows], left=2)
 
 
 def _cell(value: Any, unit: str) -> str:
