@@ -21,7 +21,7 @@ from furrowmap.core.geodesy.projection import height_system, read_parameters
 from furrowmap.core.readers import boundary, reader, states_csv, surveyed_points, vector_file
 from furrowmap.core.readers.isoxml import content, time_log
 from furrowmap.core.readers.isoxml.log import TaskDataLog
-from furrowmap.core.readers.poses.csv import RawPoses
+from furrowmap.core.readers.poses.file import RawPoses
 from furrowmap.core.readers.reader import GROUP, ReadOptions, readers
 from furrowmap.core.readers.rosbag.bags import BagFiles, RosBag2
 from furrowmap.core.readers.states_csv import StatesCsv

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.facts import pose_facts
 from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, count_foreign, layout, scan_stream
-from furrowmap.core.readers.poses.csv import RawPoses
+from furrowmap.core.readers.poses.file import RawPoses
 from furrowmap.core.readers.position_log import (
     MIN_INTACT_SHARE,
     LoggedPositions,

@@ -1,152 +1,19 @@
-"""Trajectories from other software: time scales and order of the poses in all formats, and the reader of CSV."""
+"""Trajectories in CSV, with units in the column names."""
 
 import difflib
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from furrowmap.core.readers.csv_file import TIMES, Column, CsvFile, head_columns, names_a_position
-from furrowmap.core.readers.epochs import utc_of
-from furrowmap.core.readers.facts import pose_facts, timing_facts, utc_facts
-from furrowmap.core.readers.implausible_positions import far_from_middle, is_implausible, strays
-from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.poses.file import PoseFile, RawPoses
+from furrowmap.core.readers.reader import Inspection
 from furrowmap.core.readers.source import Head
-from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.clock import WEEK_S, iso_utc, runs_forward, unroll
-from furrowmap.core.values.earth import earth_centred_m
-from furrowmap.core.values.pose_track import PoseTrack
-from furrowmap.core.values.rotation import heading_deg
-from furrowmap.core.values.scan import Clock, ClockReading
-
-MAX_LATE_SHARE: Final = 0.01
-"""Share of poses out of order above which a trajectory is rejected; below it, they are dropped."""
-
-
-@dataclass(frozen=True)
-class RawPoses:
-    """Poses of one or more files, with the times and the order of the files.
-
-    Attributes:
-        seconds: (n,) in the time scale `scale`.
-        scale: "unix" (UTC since 1970), "gps" or "utc" (both since 1980-01-06 or since the start of the week, Sunday
-            0 h).
-        values: (n, 12): position, roll, pitch, heading, and the six standard deviations of :class:`PoseTrack`.
-    """
-
-    seconds: FloatArray
-    scale: str
-    scale_note: str
-    values: FloatArray
-    projected: bool
-    true_north: bool
-    name: str
-
-    def track(self, options: ReadOptions, notices: list[Notice]) -> PoseTrack:
-        """The poses in UTC; those out of order are dropped with a notice.
-
-        InputError if the week or the time scale is unknown, or too many poses are out of order.
-        """
-        return self._in_order(utc_of(self.seconds, self.scale, self.name, options), notices)
-
-    def facts(self, options: ReadOptions, notices: list[Notice]) -> tuple[dict[str, Any], tuple[ClockReading, ...]]:
-        """Facts and clock for an inspection; an unknown week is only a notice; InputError as :meth:`track`."""
-        try:
-            track = self.track(options, notices)
-        except InputError as error:
-            if error.code != "no-gps-week":
-                raise
-            notices.append(Notice.from_error(error))
-            track = self._in_order(unroll(self.seconds, WEEK_S), notices)
-            first, last = round(float(track.t_s[0]), 3), round(float(track.t_s[-1]), 3)
-            return {"seconds_of_week": [first, last], **timing_facts(track.t_s), **pose_facts(track)}, ()
-        clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), self.scale_note)
-        return {**utc_facts(track.t_s), **timing_facts(track.t_s), **pose_facts(track)}, (clock,)
-
-    def _in_order(self, t_s: FloatArray, notices: list[Notice]) -> PoseTrack:
-        keep = runs_forward(t_s)
-        repeated = np.zeros(len(t_s), bool)
-        repeated[1:] = np.diff(t_s) == 0
-        backward = ~keep & ~repeated
-        if backward.sum() > MAX_LATE_SHARE * len(t_s):
-            row = int(np.flatnonzero(backward)[0])
-            raise InputError(
-                "time-disorder.in-order", name=self.name, backward=int(backward.sum()), t_s=len(t_s), row=row + 1
-            )
-        for key, rows in (("poses-repeated", repeated), ("time-runs-back.poses", backward)):
-            if rows.any():
-                notices.append(Notice(key, name=self.name, rows=int(rows.sum()), count=len(t_s)))
-        t_s, values = self._near(t_s[keep], self.values[keep], notices)
-        return PoseTrack(
-            t_s=t_s,
-            position=values[:, 0:3],
-            projected=self.projected,
-            roll_deg=values[:, 3],
-            pitch_deg=values[:, 4],
-            heading_deg=heading_deg(values[:, 5]),
-            true_north=self.true_north,
-            sigma=values[:, 6:12],
-            source=self.name,
-        )
-
-    def _near(self, t_s: FloatArray, values: FloatArray, notices: list[Notice]) -> tuple[FloatArray, FloatArray]:
-        """Times (n,) and values (n, 12) without the poses that lie where the recording cannot have been."""
-        x, y, h = values[:, :3].T
-        xyz_m = values[:, :2] if self.projected else earth_centred_m(x, y, h)
-        far = far_from_middle(xyz_m) if self.projected else is_implausible((x + 180.0) % 360.0 - 180.0, y, h)
-        far[~far] = strays(t_s[~far], xyz_m[~far], np.zeros(int((~far).sum())))
-        if not far.any():
-            return t_s, values
-        count, first = int(far.sum()), int(np.flatnonzero(far)[0])
-        found = {"far": count, "far_count": len(far), "far_2": first + 1, "t_s": iso_utc(t_s[first])}
-        if 2 * count > len(far):
-            raise InputError("positions-impossible.near", name=self.name, **found)
-        notices.append(Notice("positions-elsewhere.near", name=self.name, **found))
-        return t_s[~far], values[~far]
-
-
-class PoseFile(FileReader, ABC):
-    """A reader of a trajectory from other software; of the options, `time`, `week` and `near_s` are used."""
-
-    @abstractmethod
-    def _read(self, path: Path) -> RawPoses:
-        """The poses of a file; damage to it is added to `notices`."""
-
-    def poses(self) -> PoseTrack:
-        """All poses of all files; InputError if one cannot be read, the week is unknown, or they are out of order."""
-        self.notices = []
-        return joined([self._read(path) for path in self.paths]).track(self.options, self.notices)
-
-    def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains."""
-        self.notices = []
-        facts, clocks = self._read(self.paths[0]).facts(self.options, self.notices)
-        return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(self.notices))
-
-
-def joined(parts: list[RawPoses]) -> RawPoses:
-    """The poses of several files; InputError if their time scales, coordinates or north references differ."""
-    first = parts[0]
-    for part in parts[1:]:
-        if (part.scale, part.projected, part.true_north) != (first.scale, first.projected, first.true_north):
-            raise InputError("mixed-trajectories", part=part.name, first=first.name)
-    if len(parts) == 1:
-        return first
-    return RawPoses(
-        np.concatenate([part.seconds for part in parts]),
-        first.scale,
-        first.scale_note,
-        np.concatenate([part.values for part in parts]),
-        first.projected,
-        first.true_north,
-        f"{first.name} and {len(parts) - 1} more",
-    )
-
+from furrowmap.core.runtime.errors import InputError
 
 PROJECTED_COLUMNS: Final = ("e_m", "n_m", "h_m")
 GEOGRAPHIC_COLUMNS: Final = ("lon_deg", "lat_deg", "h_m")
