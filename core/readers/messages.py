@@ -5,9 +5,12 @@ interface description of the ZED-F9P, "UBX frame structure") and of SBF (Septent
 header format"), which differ only in a :class:`Framing`.
 """
 
+import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -338,6 +341,13 @@ def scan_stream(source: Source, counts: MessageCounts[Any], scan: Callable[[byte
             return
         base += used
         rest = piece[used:]
+
+
+@cache
+def message_names(form: str) -> dict[int, str]:
+    """The names of the messages of a format by their numbers, as `inspect` reports them."""
+    text = resources.files("furrowmap.core.readers").joinpath("message_names.toml").read_text("utf-8")
+    return {int(number, 0): name for number, name in tomllib.loads(text)[form].items()}
 
 
 def layout(size: int, **columns: tuple[int, str]) -> np.dtype[np.void]:

@@ -20,7 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.facts import pose_facts
-from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, count_foreign, layout, scan_stream
+from furrowmap.core.readers.messages import (
+    MessageCounts,
+    Messages,
+    at_equal,
+    count_foreign,
+    layout,
+    message_names,
+    scan_stream,
+)
 from furrowmap.core.readers.poses.file import RawPoses
 from furrowmap.core.readers.position_log import (
     MIN_INTACT_SHARE,
@@ -132,21 +140,6 @@ LAYOUTS: Final = {
 }  # fmt: skip
 """The messages that are read; BESTNAV, PVTSLN and UNIHEADING are Unicore's."""
 
-NAMES: Final = {
-    42: "BESTPOS", 99: "BESTVEL", 971: "HEADING", 1335: "HEADING2", 507: "INSPVA", 508: "INSPVAS", 1465: "INSPVAX",
-    8: "IONUTC", 37: "VERSION", 41: "RAWEPHEM", 43: "RANGE", 47: "PSRPOS", 93: "RXSTATUS", 100: "PSRVEL", 101: "TIME",
-    140: "RANGECMP", 174: "PSRDOP", 241: "BESTXYZ", 263: "INSATT", 264: "INSCOV", 265: "INSPOS", 266: "INSSPD",
-    267: "INSVEL", 268: "RAWIMU", 319: "INSATTS", 320: "INSCOVS", 325: "RAWIMUS", 723: "GLOEPHEMERIS",
-    1122: "GALEPHEMERIS", 1429: "BESTGNSSPOS", 1430: "BESTGNSSVEL", 1461: "RAWIMUX", 1462: "RAWIMUSX",
-    1696: "BDSEPHEMERIS", 2264: "CORRIMUS",
-}  # fmt: skip
-"""Name of NovAtel's messages by their number; BESTPOS to INSPVAX are read."""
-UNICORE_NAMES: Final = {
-    2118: "BESTNAV", 1021: "PVTSLN", 972: "UNIHEADING", 8: "GPSION", 12: "OBSVM", 13: "OBSVH", 37: "VERSION",
-    102: "RECTIME", 138: "OBSVMCMP", 142: "ADRNAV", 240: "BESTNAVXYZ", 509: "RTKSTATUS", 954: "STADOP", 1026: "PPPNAV",
-    1331: "UNIHEADING2", 2125: "RTCMSTATUS", 11276: "AGRIC",
-}  # fmt: skip
-"""Name of Unicore's messages by their number; BESTNAV to UNIHEADING are read."""
 _START: Final = re.compile(rb"[#%](?=[A-Z][A-Z0-9_]{2,30}A,)|\xaaD[\x12\x13\xb5]")
 _MAX_NAME_BYTES: Final = 34
 _BEGUN: Final = re.compile(rb"(?:[#%][A-Z0-9_]*|\xaaD?)\Z")
@@ -278,7 +271,7 @@ def _take_binary(
     if crc(memoryview(data)[begin:stop]) != int.from_bytes(data[stop:end], "little"):
         return False
     number, third = data[begin + 4] | data[begin + 5] << 8, data[begin + 2]
-    name = (UNICORE_NAMES if third == _UNICORE else NAMES).get(number, f"message {number}")
+    name = message_names("unicore" if third == _UNICORE else "novatel").get(number, f"message {number}")
     counts.kinds[name] += 1
     response, beidou, known = False, False, True
     if third == _SHORT:

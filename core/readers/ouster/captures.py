@@ -197,9 +197,8 @@ class OusterReader(FileReader, ABC):
         if not counts.packets:
             frames = ", ".join(f"{n:,} {why}" for why, n in others.items() if n)
             raise InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")
-        apart = f"packet times; {counts.host_least_s:+.4f} to {counts.host_most_s:+.4f} s relative to the stamps"
-        shift_s = counts.host_least_s
-        readings = [ClockReading(Clock.RECORDER, counts.first_s + shift_s, counts.last_s + shift_s, apart)]
+        first_s, last_s = (end_s + counts.host_least_s for end_s in (counts.first_s, counts.last_s))
+        readings = [ClockReading(Clock.RECORDER, first_s, last_s, f"{counts.host_words}stamps")]
         if self.clock is not Clock.RECORDER:
             readings.insert(0, ClockReading(self.clock, counts.first_s, counts.last_s, self._time.note))
         self.clocks = tuple(readings)

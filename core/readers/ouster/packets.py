@@ -4,17 +4,16 @@ Formats: Ouster Sensor Documentation, firmware 3.1, "Lidar Data Packet Format" a
 Calculation".
 """
 
-from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.ouster.metadata import STAMP, Heads, Metadata, SensorTime, settle
+from furrowmap.core.readers.packet_counts import ScannerCounts
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, Scan
 
 ByteArray = NDArray[np.uint8]
@@ -28,30 +27,6 @@ _JUMP_S: Final = 2.0
 """Stamps that move away from the recorder's times by more than this between two packets: the clock was set."""
 _COLUMN_APART_NS: Final = 1_000_000_000
 """A column whose stamp is further from that of its packet is damaged."""
-
-
-@dataclass
-class OusterCounts:
-    """Counts over the packets of a decoder; times in seconds."""
-
-    packets: int = 0
-    points: int = 0
-    whole: int = 0
-    cut: int = 0
-    first_s: float = float("nan")
-    last_s: float = float("nan")
-    lost: int = 0
-    gaps: int = 0
-    lost_s: float = 0.0
-    pauses_s: list[float] = field(default_factory=list)
-    repeated: int = 0
-    late: int = 0
-    back: int = 0
-    bad_columns: int = 0
-    turned: float = 0.0
-    turning_s: float = 0.0
-    host_least_s: float = float("inf")
-    host_most_s: float = float("-inf")
 
 
 class OusterDecoder:
@@ -70,16 +45,15 @@ class OusterDecoder:
 
     def __init__(self, metadata: Metadata, time: SensorTime | None = None) -> None:
         self.metadata = metadata
-        self.counts = OusterCounts()
+        self.counts = ScannerCounts()
+        self._bad_columns = 0
         self.time = time
         self._notices: list[Notice] = []
-        self._jumps: list[tuple[float, float]] = []
         self._shift_ns = 0
         self._last: tuple[int, int, int, float] | None = None
         self._open: list[Scan] = []
         self._open_packets = 0
         self._open_frame = -1
-        self._number = 0
         self._columns = self._turns = 0
         self._begun = False
         """Whether the open scan is the rest of a turn that had begun before the recording."""
@@ -174,27 +148,23 @@ class OusterDecoder:
             before_ns = int(head.stamp_ns[i - 1]) if i else stamp_ns
             change_ns = int(head.stamp_ns[i]) - before_ns - round(float(step_s[i]) * 1e9)
             shift_ns[i:] += change_ns
-            self._jumps.append((float(host_s[i]), change_ns * 1e-9))
+            counts.jumps.append((float(host_s[i]), change_ns * 1e-9))
         self._shift_ns = int(shift_ns[-1])
         t_s = (head.stamp_ns - shift_ns) * 1e-9
         if not counts.packets:
-            counts.first_s = float(t_s[0])
             self._begun = bool(place[0])
-        counts.last_s = float(t_s[-1])
-        counts.packets += len(t_s)
-        counts.back += int((step_s < 0.0).sum())
+        counts.note_times(t_s, host_s)
+        counts.late += int((step_s < 0.0).sum())
         even = stepped == 1
         even[0] &= self._last is not None
-        counts.turned += float(even.sum()) / blocks
+        counts.revolutions += float(even.sum()) / blocks
         counts.turning_s += float(step_s[even & ~jumped].sum())
         gap = (stepped > 1) & (stepped <= per_turn) & (turns <= 1)
         counts.gaps += int(gap.sum())
         counts.lost += int((stepped[gap] - 1).sum())
         counts.lost_s += float(step_s[gap].sum())
         counts.pauses_s += step_s[(stepped > per_turn) | (turns > 1)].tolist()
-        ahead_s = host_s - t_s
-        counts.host_least_s = min(counts.host_least_s, float(ahead_s.min()))
-        counts.host_most_s = max(counts.host_most_s, float(ahead_s.max()))
+        counts.paused_s = sum(counts.pauses_s)
         self._last = int(head.frame[-1]), int(place[-1]), int(head.stamp_ns[-1]), float(host_s[-1])
         return shift_ns
 
@@ -211,7 +181,7 @@ class OusterDecoder:
             m.layout, m.beams, m.turned, float(np.hypot(*m.beam_m)),
             t_s, xyz, intensity, laser, column, number, returns, ends,
         )  # fmt: skip
-        self.counts.bad_columns += bad
+        self._bad_columns += bad
         n = int(ends[-1])
         scan = Scan(
             0, t_s[:n], xyz[:n], intensity[:n], laser[:n], column[:n], number[:n], returns[:n], lasers=len(m.beams)
@@ -224,12 +194,7 @@ class OusterDecoder:
         pieces, self._open, self._open_packets = [piece for piece in self._open if len(piece)], [], 0
         if not pieces:
             return []
-        scan = replace(Scan.joined(pieces), number=self._number, whole=whole)
-        self._number += 1
-        self.counts.points += len(scan)
-        self.counts.whole += whole
-        self.counts.cut += not whole
-        return [scan]
+        return [self.counts.numbered(Scan.joined(pieces), whole=whole)]
 
     def facts(self) -> dict[str, Any]:
         """What `inspect` reports of the sensor."""
@@ -247,33 +212,15 @@ class OusterDecoder:
             "points": counts.points,
             "scans": counts.whole + counts.cut,
             "whole_scans": counts.whole,
-            "rpm": round(60.0 * counts.turned / counts.turning_s, 1) if counts.turning_s > 0.0 else float("nan"),
+            "rpm": round(counts.rpm, 1),
         }
 
     def notices(self) -> list[Notice]:
         """What is unusual about the packets so far."""
-        counts, notices = self.counts, list(self._notices)
-        if counts.gaps:
-            share = 100 * counts.lost / (counts.lost + counts.packets)
-            notices.append(
-                Notice("lost-packets", lost=counts.lost, gaps=counts.gaps, lost_s=counts.lost_s, lost_share=share)
-            )
-        if counts.pauses_s:
-            ends = dict.fromkeys(f"{end_s:,.3f}" for end_s in (min(counts.pauses_s), max(counts.pauses_s)))
-            paused_s = sum(counts.pauses_s)
-            notices.append(
-                Notice("pauses", pauses=len(counts.pauses_s), shortest_pause_s=" to ".join(ends), paused_s=paused_s)
-            )
-        if counts.repeated:
-            notices.append(Notice("repeated-packets", repeated=counts.repeated))
-        if counts.late + counts.back:
-            notices.append(Notice("late-packets", late=counts.late + counts.back))
-        if counts.bad_columns:
-            notices.append(Notice("ouster-bad-columns", bad=counts.bad_columns, name=self.metadata.name))
-        if self._jumps:
-            at_s, size_s = self._jumps[0]
-            notices.append(Notice("clock-jumps", jumps=len(self._jumps), size_s=size_s, at_s=iso_utc(at_s)))
-        return notices
+        notices = self._notices + self.counts.flow_notices()
+        if self._bad_columns:
+            notices.append(Notice("ouster-bad-columns", bad=self._bad_columns, name=self.metadata.name))
+        return notices + self.counts.clock_notices()
 
 
 @kernel()

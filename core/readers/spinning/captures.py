@@ -139,9 +139,7 @@ class SensorTraffic:
         """Readings of the clocks in the packets, the clock that the times come from first."""
         assert self.decoder is not None
         counts = self.decoder.counts
-        note = (
-            f"packet times; {counts.host_least_s:+.4f} to {counts.host_most_s:+.4f} s relative to the sensor's stamps"
-        )
+        note = f"{counts.host_words}sensor's stamps"
         if clock is not Clock.RECORDER:
             note += f", {counts.host_first_s:+.3f} s at the start and {counts.host_last_s:+.3f} s at the end"
         first_s, last_s = counts.first_s + counts.host_first_s, counts.last_s + counts.host_last_s

@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.packet_counts import ScannerCounts
 from furrowmap.core.readers.spinning.clock import SensorClock, settle
 from furrowmap.core.readers.spinning.model import RATE_TOLERANCE, AngleTable, ByteArray, Maker, Model
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, Scan
 
 _FASTEST: Final = 1.5 * 720_000.0
@@ -211,58 +211,19 @@ def _decode(  # type: ignore[no-untyped-def]
 
 
 @dataclass
-class PacketCounts:
-    """Counts over the packets of a decoder.
+class PacketCounts(ScannerCounts):
+    """Counts over the packets of a spinning scanner.
 
     Attributes:
         usual_s: time between packets, median of the first batch of 20 or more.
-        lost: packets missing in gaps between stamps of less than half a revolution.
-        lost_s: their total duration.
-        paused_s: their total duration.
-        foreign: packets skipped because they are no data packets of the model.
-        repeated: packets skipped because they repeat the one before.
-        late: packets with a stamp earlier than the one before.
         bad_blocks: blocks skipped because their mark is wrong.
-        revolutions: revolutions of azimuth within packets, summed.
-        turning_s: duration of those.
-        host_first_s: recorder's time minus the stamps' time, median of the first batch.
-        host_last_s: the same of the last batch.
-        host_least_s: its minimum over all packets.
-        host_most_s: its maximum over all packets.
     """
 
-    maker: Maker
-    packets: int = 0
-    points: int = 0
-    whole: int = 0
-    cut: int = 0
+    maker: Maker = field(kw_only=True)
     modes: Counter[int] = field(default_factory=Counter)
     products: Counter[int] = field(default_factory=Counter)
-    first_s: float = float("nan")
-    last_s: float = float("nan")
     usual_s: float = float("nan")
-    lost: int = 0
-    gaps: int = 0
-    lost_s: float = 0.0
-    pauses: int = 0
-    shortest_pause_s: float = float("inf")
-    longest_pause_s: float = 0.0
-    paused_s: float = 0.0
-    foreign: int = 0
-    repeated: int = 0
-    late: int = 0
     bad_blocks: int = 0
-    revolutions: float = 0.0
-    turning_s: float = 0.0
-    host_first_s: float = float("nan")
-    host_last_s: float = float("nan")
-    host_least_s: float = float("inf")
-    host_most_s: float = float("-inf")
-
-    @property
-    def rpm(self) -> float:
-        """Revolutions per minute; nan without rotation."""
-        return 60.0 * self.revolutions / self.turning_s if self.turning_s else float("nan")
 
     @property
     def mode(self) -> int:
@@ -273,17 +234,12 @@ class PacketCounts:
         """Time from one packet to the next of a model in that mode."""
         return model.packet_s(self.maker.modes.get(self.mode, (1, ""))[0])
 
-    def note_times(self, t_s: FloatArray, host_s: FloatArray, model: Model) -> None:
-        """Count gaps and disorder in the UTC `t_s` (m,) of packets; compare it with the recorder's times `host_s`."""
-        self.packets += len(t_s)
+    def note_gaps(self, t_s: FloatArray, model: Model) -> None:
+        """Count gaps and disorder in the UTC `t_s` (m,) of packets, before :meth:`note_times`."""
         step_s = np.diff(t_s, prepend=self.last_s)
         if np.isnan(self.usual_s) and len(step_s) >= 20:
             self.usual_s = float(np.median(step_s[1:]))
-        if np.isnan(self.first_s):
-            self.first_s = float(t_s[0])
-        self.last_s = float(t_s[-1])
         self.late += int((step_s < 0.0).sum())
-
         packet_s = self.usual_s if self._contradicts(model) else self.packet_s(model)
         half_turn_s = 0.5 * self.turning_s / self.revolutions if self.revolutions > 0.0 else 0.05
         missing_s = step_s[(step_s > 1.5 * packet_s) & (step_s <= half_turn_s)]
@@ -291,17 +247,8 @@ class PacketCounts:
         self.lost += int(np.round(missing_s / packet_s - 1.0).sum())
         self.lost_s += float((missing_s - packet_s).sum())
         pauses_s = step_s[step_s > half_turn_s]
-        self.pauses += len(pauses_s)
-        self.shortest_pause_s = float(np.min(pauses_s, initial=self.shortest_pause_s))
-        self.longest_pause_s = float(np.max(pauses_s, initial=self.longest_pause_s))
+        self.pauses_s += pauses_s.tolist()
         self.paused_s += float((pauses_s - packet_s).sum())
-
-        ahead_s = host_s - t_s
-        self.host_last_s = float(np.median(ahead_s))
-        if np.isnan(self.host_first_s):
-            self.host_first_s = self.host_last_s
-        self.host_least_s = min(self.host_least_s, float(ahead_s.min()))
-        self.host_most_s = max(self.host_most_s, float(ahead_s.max()))
 
     def notices(self, model: Model, *, stated: bool) -> list[Notice]:
         """What is unusual; `stated` says whether the session states it, rather than the packets."""
@@ -333,32 +280,7 @@ class PacketCounts:
             notices.append(Notice("return-mode-changed", words=words))
         elif self.mode not in self.maker.modes:
             notices.append(Notice("return-mode-unknown", mode=self.mode))
-        if self.gaps:
-            notices.append(
-                Notice(
-                    "lost-packets",
-                    lost=self.lost,
-                    gaps=self.gaps,
-                    lost_s=self.lost_s,
-                    lost_share=100 * self.lost / (self.lost + self.packets),
-                )
-            )
-        if self.pauses:
-            ends = [f"{end_s:,.3f}" for end_s in (self.shortest_pause_s, self.longest_pause_s)]
-            notices.append(
-                Notice(
-                    "pauses",
-                    pauses=self.pauses,
-                    shortest_pause_s=" to ".join(dict.fromkeys(ends)),
-                    paused_s=self.paused_s,
-                )
-            )
-        if self.foreign:
-            notices.append(Notice("packets-damaged", foreign=self.foreign))
-        if self.repeated:
-            notices.append(Notice("repeated-packets", repeated=self.repeated))
-        if self.late:
-            notices.append(Notice("late-packets", late=self.late))
+        notices += self.flow_notices()
         if self.bad_blocks:
             notices.append(Notice("bad-blocks", bad_blocks=self.bad_blocks))
         return notices
@@ -422,7 +344,7 @@ class PacketDecoder:
         where: str = "",
         near_s: float | None = None,
     ) -> None:
-        self.counts = PacketCounts(maker)
+        self.counts = PacketCounts(maker=maker)
         self._maker = maker
         self._stated = maker.named(model) if model else None
         self._model: Model | None = None
@@ -437,7 +359,6 @@ class PacketDecoder:
         self._open: list[Scan] = []
         self._open_by_wrap = False
         self._held: Scan | None = None
-        self._number = 0
         self._last_stamp = (-1, -1)
 
     @property
@@ -555,7 +476,9 @@ class PacketDecoder:
         self.counts.revolutions = float(self._carried[TURNED]) / 36_000
         self.counts.turning_s = float(self._carried[TURNING])
         self.counts.bad_blocks = int(self._carried[BAD_BLOCKS])
-        self.counts.note_times(t_s, host_s, self._model)
+        self.counts.note_gaps(t_s, self._model)
+        self.counts.note_times(t_s, host_s)
+        self.counts.jumps = self._clock.jumps
         scans = []
         start = 0
         for stop, by_wrap in zip(cut_at.tolist(), cut_by_wrap.tolist(), strict=True):
@@ -580,13 +503,13 @@ class PacketDecoder:
         if not by_wrap and self._held is not None and self._is_lone_revolution(self._held, piece):
             first, self._held = self._held, None
             piece.column[:] += first.column.max() + 1
-            return [self._numbered(Scan.joined([first, piece]), whole=True)]
-        return [*self._release(), self._numbered(piece, whole=by_wrap and self._open_by_wrap)]
+            return [self.counts.numbered(Scan.joined([first, piece]), whole=True)]
+        return [*self._release(), self.counts.numbered(piece, whole=by_wrap and self._open_by_wrap)]
 
     def _release(self) -> list[Scan]:
         """The piece that was held back, now known to be an incomplete revolution."""
         held, self._held = self._held, None
-        return [] if held is None else [self._numbered(held, whole=False)]
+        return [] if held is None else [self.counts.numbered(held, whole=False)]
 
     def _is_lone_revolution(self, first: Scan, second: Scan) -> bool:
         """Whether two pieces with azimuth 0 between them are one revolution without lost firings."""
@@ -598,20 +521,9 @@ class PacketDecoder:
         low, high = _LONE_REVOLUTION
         return fired_s >= low * revolution_s and float(second.t_s[-1] - first.t_s[0]) <= high * revolution_s
 
-    def _numbered(self, piece: Scan, *, whole: bool) -> Scan:
-        scan = replace(piece, number=self._number, whole=whole)
-        self._number += 1
-        self.counts.points += len(scan)
-        self.counts.whole += whole
-        self.counts.cut += not whole
-        return scan
-
     def notices(self) -> list[Notice]:
         """What is unusual about the packets so far."""
         notices = list(self._notices)
         if self._model is not None and self.counts.packets:
             notices += self.counts.notices(self._model, stated=self._stated is not None)
-        if self._clock is not None and self._clock.jumps:
-            at_s, size_s = self._clock.jumps[0]
-            notices.append(Notice("clock-jumps", jumps=len(self._clock.jumps), size_s=size_s, at_s=iso_utc(at_s)))
-        return notices
+        return notices + self.counts.clock_notices()
