@@ -6,11 +6,13 @@ with its number, elevation and azimuth in degrees; newer files begin with a line
 """
 
 import difflib
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
+from importlib import resources
 from pathlib import Path
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +147,12 @@ class PacketLayout:
         return past_hour_us
 
 
+@cache
+def _channels() -> dict[str, dict[str, Any]]:
+    text = resources.files("furrowmap.core.readers.spinning").joinpath("channels.toml").read_text("utf-8")
+    return tomllib.loads(text)
+
+
 @dataclass(frozen=True)
 class Model:
     """A sensor's geometry and timing.
@@ -174,6 +182,18 @@ class Model:
     start_s: float = 0.0
     stamp_at_last: bool = False
     slowest_s: float = 0.0
+
+    @classmethod
+    def listed(
+        cls, name: str, product: int, layout: PacketLayout, resolution_m: float, cycle_s: float, **timing: Any
+    ) -> "Model":
+        """A model whose lasers are in `channels.toml`; `timing` are the last three attributes."""
+        lasers = {key: np.array(str(values).split(), np.float64) for key, values in _channels()[name].items()}
+        elevation, none = lasers["elevation_deg"], np.zeros(len(lasers["elevation_deg"]))
+        of_axis_mm = -lasers.get("axis_mm", none) * np.tan(np.radians(elevation))
+        height_m = 1e-3 * lasers.get("height_mm", of_axis_mm)
+        times_s, azimuth = 1e-6 * lasers["laser_us"], lasers.get("azimuth_deg", none)
+        return cls(name, product, layout, resolution_m, cycle_s, times_s, elevation, azimuth, height_m, **timing)
 
     @property
     def lasers(self) -> int:
