@@ -37,7 +37,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 from coverage import CoverageData
-from numba.core import caching, config
+from numba.core import config
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
 BUILD: Final = CHECKOUT / "build" / "mutants"
@@ -217,21 +217,6 @@ class Names:
                 for alias in node.names if isinstance(node, ast.ImportFrom) else ():
                     self._imported[alias.name].add(path.relative_to(CHECKOUT).as_posix())
 
-    def importers(self, file: str) -> set[str]:
-        """The modules that import a file, by others as well, itself included."""
-        found, front = set[str](), {file}
-        while front:
-            found |= front
-            stems = {Path(one).stem for one in front}
-            front = {
-                other
-                for other, tree in self._trees.items()
-                for node in ast.walk(tree)
-                if isinstance(node, ast.ImportFrom)
-                and stems.intersection([*(node.module or "").split("."), *(alias.name for alias in node.names)])
-            } - found
-        return found
-
     def body_at(self, place: Span) -> Span | None:
         """The lines of the innermost function's body that a place is in, or whose default it is."""
         spans = [
@@ -364,65 +349,42 @@ class Copy:
         """Where the files are."""
         return self.folder / "checkout"
 
-    @property
-    def kernels(self) -> Path:
-        """Compiled kernels of the copy."""
-        return self.folder / "kernels"
-
     def make(self) -> None:
-        """Copy the files under version control or about to be, with their times, and the kernels of the checkout."""
+        """Copy the files under version control or about to be. Kernels are in cache by the content of their sources."""
         shutil.rmtree(self.folder, ignore_errors=True)
         listed = subprocess.check_output(["git", "ls-files", "-co", "--exclude-standard"], cwd=CHECKOUT, text=True)
         for name in listed.splitlines():
             target = self.checkout / name
             target.parent.mkdir(parents=True, exist_ok=True)
             if (CHECKOUT / name).exists():
-                shutil.copy2(CHECKOUT / name, target)
+                shutil.copy(CHECKOUT / name, target)
         subprocess.run(["make", "--silent", "layout"], cwd=self.checkout, check=True)
         (self.folder / "shared").symlink_to(CHECKOUT.parent / "shared")
-        asked = "import os, furrowmap.process as p; p.keep_kernels(); print(os.environ[p.CACHE_VARIABLE])"
-        compiled = subprocess.check_output([sys.executable, "-c", asked], cwd=CHECKOUT, text=True).strip()
-        place = caching.UserWideCacheLocator.get_suitable_cache_subpath
-        layout = self.checkout / "build" / "typing" / "furrowmap"
-        for folder in {Path(file).parent for file in product_files() if file.startswith(("core", "exporters"))}:
-            ours = Path(compiled) / place(str(CHECKOUT / folder / "a.py"))
-            if ours.is_dir():
-                shutil.copytree(ours, self.kernels / place(str(layout / folder / "a.py")), dirs_exist_ok=True)
 
-    def fate(self, mutant: Mutant, groups: Sequence[Sequence[str]], names: Names) -> tuple[str, list[str]]:
+    def fate(self, mutant: Mutant, groups: Sequence[Sequence[str]]) -> tuple[str, list[str]]:
         """What groups of tests make of a mutant, and the test that failed.
 
         It is "killed" or "survived"; "hung" where a test or the process ended without an answer; "untested" where no
         test executes it.
         """
         path = self.checkout / mutant.file
-        source, written = path.read_bytes(), path.stat()
+        source = path.read_bytes()
         path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
         try:
-            with tempfile.TemporaryDirectory(dir=self.folder) as folder:
-                kernels = self.kernels
-                if mutant.kernel:  # numba does not compile callers in other files again when what they call has changed
-                    kernels = Path(folder) / "kernels"
-                    shutil.copytree(self.kernels, kernels, copy_function=os.link)
-                    stems = {Path(file).stem for file in names.importers(mutant.file)}
-                    for cached in kernels.rglob("*.nb?"):
-                        if cached.name.partition(".")[0] in stems:
-                            cached.unlink()
-                for group in groups:
-                    passed, failed = self.run(group, kernels, "-x")
-                    if not passed:
-                        return "killed" if failed else "hung", failed
+            for group in groups:
+                passed, failed = self.run(group, "-x")
+                if not passed:
+                    return "killed" if failed else "hung", failed
         finally:
             path.write_bytes(source)
-            os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))  # kernels in cache are told by it
         return "survived" if groups else "untested", []
 
-    def run(self, tests: Sequence[str], kernels: Path, *options: str) -> tuple[bool, list[str]]:
+    def run(self, tests: Sequence[str], *options: str) -> tuple[bool, list[str]]:
         """Whether tests pass in the copy, and which failed; neither is so where a test or the process hung."""
         with tempfile.TemporaryFile("w+", errors="replace") as output:
             child = os.fork()
             if not child:
-                self._run_here([*options, *tests], kernels, output.fileno())
+                self._run_here([*options, *tests], output.fileno())
             end_s = time.monotonic() + PATIENCE_S
             while (ended := os.waitpid(child, os.WNOHANG))[0] == 0 and time.monotonic() < end_s:
                 time.sleep(0.05)
@@ -433,7 +395,7 @@ class Copy:
             failed = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", output.read(), re.MULTILINE)
         return status == 0, failed
 
-    def _run_here(self, arguments: Sequence[str], kernels: Path, output: int) -> NoReturn:
+    def _run_here(self, arguments: Sequence[str], output: int) -> NoReturn:
         """Run tests in this process, which has been forked for it."""
         os.setsid()
         os.dup2(output, 1)
@@ -441,9 +403,10 @@ class Copy:
         os.chdir(self.checkout)
         layout = str(self.checkout / "build" / "typing")
         # QGIS sees the folder of temporary files, and no other of the tests.
-        os.environ |= {"PYTHONPATH": layout, "NUMBA_CACHE_DIR": str(kernels), "TMPDIR": str(self.folder)}
-        config.reload_config()
+        os.environ |= {"PYTHONPATH": layout, "TMPDIR": str(self.folder)}
         sys.path[:0] = [layout]
+        import_module("furrowmap.process").keep_kernels()
+        config.reload_config()
         status = 1
         with suppress(SystemExit):
             usual = ["-q", "-p", "no:cacheprovider", f"--basetemp={self.folder / 'tmp'}"]
@@ -466,7 +429,7 @@ class Copy:
 def unclear(copy: Copy, fates: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """The mutants whose failing test fails without them, too."""
     tests = sorted({test for one in fates for test in one["failed"]})
-    failing = {test for k in range(0, len(tests), 50) for test in copy.run(tests[k : k + 50], copy.kernels)[1]}
+    failing = {test for k in range(0, len(tests), 50) for test in copy.run(tests[k : k + 50])[1]}
     return [one for one in fates if failing.intersection(one["failed"])]
 
 
@@ -480,13 +443,13 @@ def earlier(kept: Path) -> Iterator[Mutant]:
             yield mutant
 
 
-def fates_of(copy: Copy, work: Sequence[tuple[Mutant, list[list[str]]]], names: Names, kept: Path) -> None:
+def fates_of(copy: Copy, work: Sequence[tuple[Mutant, list[list[str]]]], kept: Path) -> None:
     """Find the fate of each mutant, print it and keep it in a file."""
     copy.make()
     fates = list[dict[str, Any]]()
     for mutant, groups in work:
         begin_s = time.monotonic()
-        end, failed = copy.fate(mutant, groups, names)
+        end, failed = copy.fate(mutant, groups)
         refused = end in ("survived", "untested") and copy.is_refused(mutant)
         took_s = round(time.monotonic() - begin_s)
         change = f"{mutant.before} -> {mutant.after}".replace("\n", " ")
@@ -522,7 +485,7 @@ def main() -> None:
     for k, part in enumerate(parts):
         children.append(os.fork())
         if not children[-1]:
-            fates_of(Copy(BUILD / f"copy{k}"), work[k :: options.jobs], tests.names, part)
+            fates_of(Copy(BUILD / f"copy{k}"), work[k :: options.jobs], part)
             os._exit(0)
     for child in children:
         os.waitpid(child, 0)

@@ -75,7 +75,7 @@ class DaskWorkers:
                     with suppress(TimeoutError, CancelledError):  # what a lost scheduler had is cancelled
                         wait(list(in_hand), timeout=TICK_S, return_when="FIRST_COMPLETED")
                     done = [future for future in in_hand if future.status != "pending"]
-                except (OSError, TimeoutError, RuntimeError, ValueError) as error:
+                except Exception as error:  # a closed client raises KeyError and Dask's own
                     if self.client.status == "running":
                         raise _unusable(error) from error
                     done = []

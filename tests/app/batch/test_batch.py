@@ -6,11 +6,13 @@ import csv
 import os
 import shutil
 from pathlib import Path
+from time import monotonic
 
 import geopandas as gpd
 import numpy as np
 import pytest
 import shapely
+from distributed import Client
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,11 +21,11 @@ from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.runtime.settings import Settings
 from furrowmap.exporters.files.batch_state import STATE, batch_state
-from furrowmap.workflows.batch import workforce
+from furrowmap.workflows.batch import dask, workforce
 from furrowmap.workflows.batch.batch import _lost
-from furrowmap.workflows.batch.dask import _lost_scheduler, _not_started, _unusable, cluster_of_scheduler, local_cluster
+from furrowmap.workflows.batch.dask import DaskWorkers, _not_started, _unusable, cluster_of_scheduler, local_cluster
 from furrowmap.workflows.batch.engine import Engine, OneProcess, WorkerDied
-from furrowmap.workflows.batch.jobs import Job, open_job, prepare, visits_of
+from furrowmap.workflows.batch.jobs import VISIT_MARGIN_S, Job, open_job, prepare, visits_of
 from furrowmap.workflows.batch.sources import BatchSource, assign_names, find_sources, holds_scans
 from furrowmap.workflows.batch.workforce import Workforce
 from tests.app.ending_workers import end_worker, variable
@@ -164,6 +166,26 @@ def test_recordings_of_a_machine__get_a_session_and_are_split_by_fields(shared_d
     assert opened.session.antenna is not None
 
 
+def test_visits__with_an_external_trajectory_are_those_of_its_poses(tmp_path: Path) -> None:
+    """2 m/s east for 200 s, through a field that begins after 100 m and ends after 300 m."""
+    head, t0_s = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg\n", 1_700_000_000
+    rows = "".join(f"{t0_s + k},{16_650 + 2 * k},96560,271,0,0,90\n" for k in range(201))
+    (tmp_path / "drive.csv").write_text(head + rows)
+    (tmp_path / "recording.pcap").touch()
+    session, fields = tmp_path / "session.toml", tmp_path / "fields.gpkg"
+    session.write_text(
+        'furrowmap = 1\n[recording]\nlidar = ["recording.pcap"]\n[crs]\nmap = "EPSG:6677"\n'
+        '[trajectory]\nfiles = ["drive.csv"]\ntime = "utc"\n'
+    )
+    outline = gpd.GeoDataFrame({"name": ["East"]}, geometry=[shapely.box(16_750, 96_500, 16_950, 96_600)], crs=6677)
+    outline.to_crs(4326).to_file(fields)
+    found = prepare(BatchSource(session, ("drive",), made=False, stamps=()), "", str(fields))
+    assert found.failure is None
+    (visit,) = found.visits
+    assert visit.name == "East"
+    assert np.array(visit.span_s) - t0_s == pytest.approx([50.0 - VISIT_MARGIN_S, 150.0 + VISIT_MARGIN_S], abs=2.0)
+
+
 @given(st.lists(st.tuples(st.sampled_from([-1, 0, 1]), st.integers(1, 200)), min_size=1, max_size=8))
 def test_visits__are_the_stretches_of_half_a_minute_and_more_in_a_field(stays: list[tuple[int, int]]) -> None:
     """Against a count in plain Python: fields are the squares around (0, 0) and (10, 0), outside is (5, 5)."""
@@ -229,12 +251,31 @@ def test_one_process__is_replaced_and_gives_up_on_what_ends_it(tmp_path: Path) -
     assert len({os.getpid(), found["sound"], found["killed"]}) == 3
 
 
-def test_lost_dask_worker__is_replaced_and_its_item_repeated(tmp_path: Path) -> None:
+def test_lost_dask_worker__is_replaced_and_its_item_repeated_and_a_lost_scheduler_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     said: list[str] = []
     with local_cluster(1, said.append) as engine:
         found = work_through(engine, tmp_path, sound=0, killed=1)
         # Dask sets it for its workers, and furrowmap's own setting of malloc gives way to one of the user.
         (trim,) = engine.each(variable, [("trim", "MALLOC_TRIM_THRESHOLD_")], lambda: None)
+
+        monkeypatch.setattr(dask, "RECONNECT_S", 0.1)
+        clients, until_s = [engine.client], monotonic() + 20.0
+
+        def connect() -> Client:
+            if not clients:
+                raise OSError("nobody listens")
+            return clients.pop()
+
+        def tick() -> None:
+            assert monotonic() < until_s, "it waits for ever"
+
+        left = DaskWorkers(connect)
+        left.close()
+        with pytest.raises(FurrowmapError) as lost:
+            list(left.each(variable, [("home", "HOME")], tick))
+    assert lost.value.code == "batch-scheduler-lost"
     assert trim == ("trim", None)
     assert "dashboard: http://" in said[0]
     assert isinstance(found["sound"], int)
@@ -253,7 +294,6 @@ def test_scheduler__that_does_not_answer_is_an_error() -> None:
     with pytest.raises(FurrowmapError) as error, cluster_of_scheduler("tcp://127.0.0.1:9", print):
         pass
     assert error.value.code == "no-scheduler"
-    assert _lost_scheduler().code == "batch-scheduler-lost"
     assert _not_started(RuntimeError("x")).code == "batch-no-workers"
     assert _unusable(ValueError("x")).code == "batch-cluster"
     assert _lost("north").code == "batch-worker-lost"

@@ -113,6 +113,7 @@ def test_the_report_tells_what_was_matched(judged: Judged) -> None:
 def test_progress_is_told(judged: Judged) -> None:
     assert all(0.0 < share <= 1.0 for share in judged.told)
     assert judged.told[-1] == max(judged.told) > 0.9
+    assert judged.told[0] < 0.2
 
 
 def test_too_few_returns_are_not_matched(straight: Recording) -> None:

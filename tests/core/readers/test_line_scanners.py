@@ -16,6 +16,7 @@ import furrowmap
 from furrowmap.core.readers.line_csv import LineCsv
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.rosbag.bags import RosBag2
+from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.file import parse_session
@@ -323,3 +324,17 @@ def test_csv__a_pause_of_more_than_a_second_begins_a_sweep(pause_s: float, sweep
     rows = rows_of(np.arange(20.0))
     rows[10:] = [f"{T0_S + 1e-4 * k + pause_s:.6f},{k}.0,5.0,1" for k in range(10, 20)]
     assert len(list(line_csv(tmp_path, HEAD, rows).scans())) == sweeps
+
+
+@pytest.mark.parametrize(
+    ("columns", "sure"),
+    [
+        ("time_unix_s,angle_deg,range_m", 1.0),
+        ("stamp,angle_deg,range_m", 0.5),  # whose missing column can be told
+        ("time_unix_s,angle_deg,height_m", 0.0),
+        ("time_unix_s,range_m,height_m", 0.0),  # of a range finder or a radar
+        ("stamp,angle,range_m", 0.0),
+    ],
+)
+def test_csv__is_recognised_by_angles_and_ranges(columns: str, sure: float) -> None:
+    assert LineCsv.recognise(Head(Path("scan.csv"), f"{columns}\n1,2,3\n".encode(), "", ".csv")) == sure

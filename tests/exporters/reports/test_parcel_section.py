@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import shapely
 
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
+from furrowmap.core.crops.response import column_words, fit_response
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.reports.report_page import (
     MAX_NAMED_PARCELS,
@@ -64,6 +66,19 @@ def test_published_method__has_its_columns_where_it_was_computed() -> None:
     assert "published method" in beside
     assert "45.0 cm" in beside
     assert "8.10 m³" in beside
+
+
+def test_response__is_drawn_over_the_dose_of_the_parcels() -> None:
+    dose = np.array([0.0, 50.0, 100.0, 150.0, 200.0])
+    rows = [
+        replace(row, parcel=replace(row.parcel, block="AB"[k % 2], attributes={"n_kg_ha": float(dose[k])}))
+        for k, row in enumerate(parcels([0.4, 0.5, 0.6, 0.65, 0.67]))
+    ]
+    response = fit_response(dose, np.array([row.figures.mean_height_m for row in rows]))
+    text = parcel_sections(rows, response)
+    assert text.count("<circle") >= len(dose)
+    assert "mean height" in text
+    assert f">{column_words('n_kg_ha')}<" in text
 
 
 def test_many_parcels__are_cut_in_the_table_and_have_no_names_on_the_map() -> None:
