@@ -26,7 +26,7 @@ import furrowmap
 from furrowmap.core.readers.ouster.metadata import packet_bytes
 from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
 from furrowmap.core.session.file import load_session
-from furrowmap.workflows.record.network import Port, ScannerNetwork
+from furrowmap.workflows.record.network import USUAL_PORTS, Port, ScannerNetwork
 from furrowmap.workflows.record.receivers import GnssReceiver
 from furrowmap.workflows.record.record import Told, open_ports, sensor_metadata
 from furrowmap.workflows.record.storage import Series, Storage
@@ -402,3 +402,11 @@ def test_ouster__is_asked_for_its_metadata(tmp_path: Path, shared_data: Path) ->
         threading.Thread(target=server.handle_request).start()
         assert sensor_metadata(f"127.0.0.1:{server.server_port}") == text
     assert sensor_metadata("127.0.0.1:1") == ""
+
+
+def test_ports__are_those_of_the_makers_manuals() -> None:
+    """VLP-16 user manual (data, positions); Pandar (data, GPS); Ouster (lidar, IMU); Livox Mid-360 (points, IMU on the
+    host's side); RoboSense RS-LiDAR-16 (MSOP, DIFOP)."""
+    manuals = {"Velodyne": {2368, 8308}, "Hesai": {2368, 10110}, "Ouster": {7502, 7503}}
+    manuals |= {"Livox": {56301, 56401}, "RoboSense": {6699, 7788}}
+    assert set(USUAL_PORTS) == set().union(*manuals.values())

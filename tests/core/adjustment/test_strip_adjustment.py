@@ -98,6 +98,24 @@ def test_sigmas__of_the_trajectory_are_those_of_its_nodes(
     assert (adjusted.trajectory.sigma > 0.0).all()
 
 
+def test_report__has_rms_and_medians_to_hundredths_of_a_millimetre(flown_once: Flown) -> None:
+    _, _, _, adjusted = flown_once
+    at_nodes = adjusted.trajectory.at(np.clip(adjusted.found.t_s, *adjusted.trajectory.t_s[[0, -1]])).quaternion
+    rotation = Rotation.from_quat(at_nodes, scalar_first=True).as_matrix()
+    before, after = (
+        np.median(errors.sigma(rotation), axis=0) * [*3 * [1.0], *3 * [180.0 / np.pi]]
+        for errors in (adjusted.before, adjusted.found)
+    )
+    moved = np.linalg.norm(adjusted.found.value[:, :3], axis=0) / np.sqrt(len(adjusted.found.t_s))
+    plain = adjusted.plain()
+    found = {"moved_rms_m": moved, "sigma_before_m": before[:3], "sigma_after_m": after[:3]}
+    found |= {"sigma_before_deg": before[3:], "sigma_after_deg": after[3:]}
+    assert plain.keys() == found.keys()
+    for name, values in found.items():
+        assert [f"{value:.5f}" for value in plain[name]] == [f"{value:.5f}" for value in values], name
+        assert plain[name] == [float(f"{value:.5f}") for value in plain[name]], name
+
+
 def test_mounting_that_changes__is_found_apart_from_the_poses_and_within_its_sigmas() -> None:
     """A tenth of a degree over the flight about x and y, a fifth about z; the scanner rides on what turns."""
     scene = Scene(Mounting.from_rotation(STATED.xyz_m, TURNED @ STATED.rotation), seed=3)

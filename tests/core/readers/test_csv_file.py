@@ -20,6 +20,7 @@ ROWS = {
     "words": ["NA,2,3", "1,null,nan", "n/a,-1.#IND,None", "inf,-inf,3"],
     "ragged": ["1", "1,2", "1,2,3,4,5", "7,8,9"],
     "spaced": [" 1 , 2,3 ", "", "   ", "4,\t5,6"],
+    "blank": ["1,2,3", *[""] * 200, "4,5,6"],  # pieces of the file without any row
     "quoted": ['"1","2.5",3', '4,"",6', '7,8,"9"'],
 }
 
