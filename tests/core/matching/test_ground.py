@@ -165,6 +165,19 @@ def test_what_is_far_off_the_ground_or_over_none_takes_no_part() -> None:
     assert found.trust[3] == 255
 
 
+@pytest.mark.parametrize("direction", [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1)])
+def test_ground_goes_as_far_as_all_four_nodes_are_seen(direction: tuple[int, int]) -> None:
+    surface = dense_surface(lambda en: 0.0 * en[:, 0], 4.0)
+    edge_m = CELL_M * round(2.0 / CELL_M)
+    along_m = np.array([edge_m - 0.9 * CELL_M, edge_m - 0.1 * CELL_M, edge_m + 0.1 * CELL_M])
+    xyz = np.column_stack([np.outer(along_m, direction), np.zeros(3)])
+    taken = [
+        int(agreed(one[None], np.array([CHAIN.begin_s]), surface, np.zeros((KNOTS, 3))).sums.slices.count.sum())
+        for one in xyz
+    ]
+    assert taken == [1, 1, 0]
+
+
 def test_noise_is_not_taken_for_relief() -> None:
     random = np.random.default_rng(9)
     en = random.uniform(-3, 3, (60 * 60 * 40, 2))
