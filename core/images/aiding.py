@@ -21,7 +21,8 @@ from furrowmap.core.images.block_adjustment import (
 from furrowmap.core.images.control_points import ControlPoints, control_views, join_views
 from furrowmap.core.images.features import find_features
 from furrowmap.core.images.frames import frame_poses
-from furrowmap.core.images.ties import Ties, overlapping, thin_ties, tracks
+from furrowmap.core.images.projection import inside, unproject
+from furrowmap.core.images.ties import Ties, overlapping, seen_in, thin_ties, tracks
 from furrowmap.core.readers.exif import image_size
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
@@ -38,6 +39,8 @@ MIN_CONTROL_POINTS: Final = 3
 MIN_TIE_POINTS: Final = 100
 MIN_MEETING_ANGLE_RAD: Final = np.radians(2.0)
 """Rays that meet at a smaller angle do not show where a point is."""
+MATCHING_MARGIN: Final = 0.15
+"""Margin around an image, in its lengths, within which features of another one are compared with its own."""
 END_MARGIN_S: Final = 0.5
 """Images nearer to an end of the trajectory are left out: the delay of the shutter may lead out of it."""
 MIN_USED_SHARE: Final = 0.5
@@ -260,8 +263,7 @@ def _ties(block: ImageBlock, images: Images, progress: Progress) -> Ties | Notic
     size = block.camera.width, block.camera.height
     features = find_features(images.paths, progress)
     keypoints = dict(enumerate(features.places))
-    # Of images that follow each other, or the next but one.
-    following = [(k, k + step) for k in range(len(images)) for step in (1, 2) if k + step < len(images)]
+    following = [(k, k + 1) for k in range(len(images) - 1)]
     matches = features.match(following, progress)
     first = _well_met(block, tracks(keypoints, matches))
     if first.points < MIN_TIE_POINTS:
@@ -274,8 +276,15 @@ def _ties(block: ImageBlock, images: Images, progress: Progress) -> Ties | Notic
     ahead = depth[depth > 0.0]
     if len(ahead) < MIN_TIE_POINTS:
         return contradicting("the points that they have in common are behind the camera. Check [camera] rpy_deg")
-    near = overlapping(poses, block.camera, float(np.median(ahead)))
-    matches |= features.match(sorted(set(near) - set(following)), progress)
+    depth_m = float(np.median(ahead))
+    margin_px = MATCHING_MARGIN * max(size)
+    points_m = [depth_m * unproject(block.camera, places[:, :2]) for places in features.places]
+
+    def shared(own: int, other: int) -> NDArray[np.bool_]:
+        return inside(block.camera, seen_in(poses, block.camera, own, other, points_m[own]), margin_px)
+
+    near = overlapping(poses, block.camera, depth_m)
+    matches |= features.match(sorted(set(near) - set(following)), progress, shared)
     ties = thin_ties(_well_met(block, tracks(keypoints, matches)), size)
     if ties.points < MIN_TIE_POINTS:
         return unused(f"they have {ties.points} points in common")

@@ -4,7 +4,7 @@ SIFT (Lowe 2004), compared by the square roots of its descriptors (Arandjelović
 matches of two images checked by their epipolar geometry.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
@@ -21,8 +21,9 @@ from furrowmap.core.runtime.settings import threads
 from furrowmap.core.values.images import ImageFile
 
 Pair = tuple[int, int]
+Shared = Callable[[int, int], NDArray[np.bool_]]
 
-MAX_IMAGE_FEATURES: Final = 1600
+MAX_IMAGE_FEATURES: Final = 1400
 """Of an image; those of the greatest contrast are kept."""
 REDUCED: Final = 0.75
 """OpenCV enlarges an image twice before it looks for features: reduced first, half of the time, poses as accurate."""
@@ -46,20 +47,28 @@ class Features:
     places: tuple[FloatArray, ...]
     descriptors: NDArray[np.uint8]
 
-    def match(self, pairs: Sequence[Pair], progress: Progress) -> dict[Pair, IntArray]:
-        """Numbers (m, 2) of the features that match, by pair of images; reports the stage "matching images"."""
+    def match(self, pairs: Sequence[Pair], progress: Progress, shared: Shared | None = None) -> dict[Pair, IntArray]:
+        """Numbers (m, 2) of the features that match, by pair of images; reports the stage "matching images".
+
+        Args:
+            shared: which features (k,) of an image another one shows, by the numbers of both images; None for all.
+        """
         found = {}
         with ThreadPoolExecutor(threads()) as pool:
-            for k, matches in enumerate(in_turn(pool, lambda pair: self._matches(*pair), pairs, 2 * threads())):
+            for k, matches in enumerate(in_turn(pool, lambda pair: self._matches(*pair, shared), pairs, 2 * threads())):
                 if len(matches) >= MIN_MATCHES:
                     found[pairs[k]] = matches
                 progress("matching images", (k + 1) / len(pairs))
         return found
 
-    def _matches(self, a: int, b: int) -> IntArray:
+    def _matches(self, a: int, b: int, shared: Shared | None) -> IntArray:
         import cv2
 
-        alike = self._roots(a) @ self._roots(b).T
+        of_a, of_b = (
+            np.arange(len(self.places[own])) if shared is None else np.flatnonzero(shared(own, other))
+            for own, other in ((a, b), (b, a))
+        )
+        alike = self._roots(a)[of_a] @ self._roots(b)[of_b].T
         if min(alike.shape) < MIN_MATCHES:
             return np.zeros((0, 2), np.int64)
         # Of descriptors of length 1 the square of the distance is 2 − 2 times their product.
@@ -68,7 +77,7 @@ class Features:
         alike[rows, best] = -1.0
         clear = 1.0 - product < MAX_RATIO**2 * (1.0 - alike.max(axis=1))
         chosen = np.flatnonzero(clear & (product == most[best]))
-        out = np.column_stack([chosen, best[chosen]]).astype(np.int64)
+        out = np.column_stack([of_a[chosen], of_b[best[chosen]]]).astype(np.int64)
         if len(out) < MIN_MATCHES:
             return out
         first, second = self.places[a][out[:, 0], :2], self.places[b][out[:, 1], :2]

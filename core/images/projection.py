@@ -34,10 +34,11 @@ def unproject(camera: Camera, pixels: FloatArray) -> FloatArray:
     return directions
 
 
-def inside(camera: Camera, pixels: FloatArray) -> NDArray[np.bool_]:
-    """(n,) whether pixels (n, 2) lie in the image, between the middles of its outermost pixels."""
-    column, row = pixels[:, 0], pixels[:, 1]
-    return (column >= 0) & (column <= camera.width - 1) & (row >= 0) & (row <= camera.height - 1)
+def inside(camera: Camera, pixels: FloatArray, margin_px: float = 0.0) -> NDArray[np.bool_]:
+    """(n,) whether pixels (n, 2) lie in the image, between the middles of its outermost pixels, or so near to it."""
+    last = np.array([camera.width - 1, camera.height - 1])
+    out: NDArray[np.bool_] = ((pixels >= -margin_px) & (pixels <= last + margin_px)).all(axis=1)
+    return out
 
 
 @kernel()

@@ -33,13 +33,15 @@ def overlapping(poses: FramePoses, camera: Camera, depth_m: float) -> list[tuple
     middle = poses.xyz_m + stretch * (poses.rotation[:, :, 2] * depth_m)
     reach = 2.0 * float(np.linalg.norm(rays[:, :2], axis=1).max())
     near = cKDTree(middle).query_pairs(reach, output_type="ndarray")
-    shares = np.empty(len(near))
-    for k, (a, b) in enumerate(near.tolist()):
-        ground = poses.xyz_m[a] + stretch * (rays @ poses.rotation[a].T)
-        seen = project(camera, poses.in_frame(b, ground))
-        shares[k] = inside(camera, np.nan_to_num(seen, nan=-1.0)).mean()
+    shares = np.array([inside(camera, seen_in(poses, camera, a, b, rays)).mean() for a, b in near.tolist()])
     kept = shares >= MIN_OVERLAP
     return _best_pairs(near[kept], shares[kept], len(poses))
+
+
+def seen_in(poses: FramePoses, camera: Camera, a: int, b: int, points_m: FloatArray) -> FloatArray:
+    """Pixels (n, 2) in image b, nan where there are none, of points (n, 3) in the optical frame of image a."""
+    offset = np.array([poses.scale, poses.scale, 1.0]) * (points_m @ poses.rotation[a].T)
+    return project(camera, poses.in_frame(b, poses.xyz_m[a] + offset))
 
 
 def _best_pairs(pairs: NDArray[np.intp], shares: FloatArray, count: int) -> list[tuple[int, int]]:

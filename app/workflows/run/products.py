@@ -45,6 +45,7 @@ from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
 from furrowmap.exporters.files.file_records import FileRecord
+from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CLOUD,
     DSM,
@@ -153,7 +154,7 @@ class RunProducts:
         if self.parcels is not None:
             settings, crs = parcel_settings(opened), opened.frame.whole_crs
             measuring = beside(partial(write_parcels, staging, self.parcels, settings, crs, origin), progress)
-        with beside(partial(write_rasters, staging, self.land, found, origin), progress) as rasters:
+        with beside(partial(self._surfaces, found, origin), progress) as rasters:
             with measuring as parcels:
                 text = f"{found.frame.words}\n{origin.text}".strip()
                 summary = self.cloud.finish(progress, found.strips or found.work.passes, text)
@@ -164,7 +165,6 @@ class RunProducts:
         made = Made(found, inputs, summary, rasters.result(), seconds)
         notices = list(found.notices)
         if self.colours is not None:
-            self.colours.write_orthophoto(staging, origin, progress)
             coloured = self.colours.figures()
             made = replace(made, colours=coloured)
             notices += coloured.notices
@@ -193,6 +193,13 @@ class RunProducts:
             made = replace(made, features=features)
             notices += features.notices
         return replace(made, found=replace(found, notices=tuple(notices)))
+
+    def _surfaces(self, found: RunResult, origin: Origin, progress: Progress) -> RasterFigures | None:
+        """Write the rasters, and the orthophoto of the surface among them."""
+        figures = write_rasters(self.staging, self.land, found, origin, progress)
+        if self.colours is not None:
+            self.colours.write_orthophoto(self.staging, origin, progress)
+        return figures
 
 
 def _with_shift(found: RunResult, shift: ParcelShift | None) -> RunResult:

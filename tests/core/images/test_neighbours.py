@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from furrowmap.core.images.frames import FramePoses
-from furrowmap.core.images.ties import overlapping
+from furrowmap.core.images.projection import inside, unproject
+from furrowmap.core.images.ties import overlapping, seen_in
 from furrowmap.core.values.camera import Camera
 
 CAMERA = Camera(900, 700, 500.0, 500.0, 449.5, 349.5)
@@ -50,6 +51,15 @@ def test_images__are_matched_with_the_ten_that_show_most_of_the_same() -> None:
     assert met[[0, -1]].tolist() == [9, 9]  # all that they share anything with
     assert met[1:-1].min() >= 10
     assert pairs == sorted(set(pairs))
+
+
+def test_points_in_another_image__are_shifted_by_the_way_between() -> None:
+    poses = above((0.0, 0.0), (0.3 * WIDE_M, 0.1 * HIGH_M))
+    pixels = np.array([[449.5, 349.5], [600.0, 100.0], [10.0, 690.0]])
+    seen = seen_in(poses, CAMERA, 0, 1, DEPTH_M * unproject(CAMERA, pixels))
+    assert seen == pytest.approx(pixels + np.array([-0.3 * 899, 0.1 * 699]), abs=1e-9)
+    assert inside(CAMERA, seen).tolist() == [True, True, False]
+    assert inside(CAMERA, seen, margin_px=260.0).all()  # the third is 259.7 columns beside the image
 
 
 def test_images__without_a_neighbour_have_no_pair() -> None:
