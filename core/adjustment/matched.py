@@ -267,7 +267,7 @@ def sigmas(state: State, last: Linearised, considered: Considered, *normals: Flo
     """
     with ThreadPoolExecutor(1) as pool:
         beside = pool.submit(quick_variances, last.held, state.layout.size)
-        slow = slow_covariance(last.free, considered)
+        slow = slow_covariance(last.covariance, considered)
         quick = beside.result()
     seen = np.zeros(len(normals[0]), np.uint8)
     for one in normals:

@@ -1,6 +1,7 @@
 """Input, iterate and result of the adjustment of a session."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -122,6 +123,11 @@ class Linearised:
     free: NormalEquations
     prior: NormalEquations
     state: State
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(count · size, count · size) of the coarse knots with free references; not to be changed."""
+        return self.free.inverse()
 
 
 @dataclass(frozen=True)

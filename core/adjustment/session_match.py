@@ -68,12 +68,12 @@ def match_to_ground(
     located: Located,
     lidar: LidarRecording,
     session: Session,
-    on_scan: Callable[[Scan], None] | None = None,
+    on_scan: Callable[[Scan | None], None] | None = None,
     progress: Progress = silent,
 ) -> tuple[Located, Matched | None]:
     """The adjusted trajectory with its notices, and the result of matching; the first guess and None without one.
 
-    `on_scan` gets each scan as it is read.
+    `on_scan` gets each scan as it is read, and None after the last.
     """
     try:
         matched, ground = match_session(located, lidar, session, on_scan, progress)
@@ -96,7 +96,7 @@ def match_session(
     located: Located,
     lidar: LidarRecording,
     session: Session,
-    on_scan: Callable[[Scan], None] | None = None,
+    on_scan: Callable[[Scan | None], None] | None = None,
     progress: Progress = silent,
 ) -> tuple[Matched | None, GroundTilt]:
     """Match a session's scans to the ground; None where they see too little of it. Also how the ground lies.
@@ -187,7 +187,7 @@ def _prepared(
     located: Located,
     lidar: LidarRecording,
     session: Session,
-    on_scan: Callable[[Scan], None] | None,
+    on_scan: Callable[[Scan | None], None] | None,
     progress: Progress,
 ) -> tuple[Prepared | None, GroundTilt]:
     """Read the scans; also how the ground lies in the vehicle frame."""
@@ -196,6 +196,8 @@ def _prepared(
     mounting, first = session.lidar.mounting, list(islice(scans, FIRST_SCANS))
     ground = ground_tilt(first, mounting)
     returns = ground_returns(chain(first, scans), mounting, located.trajectory, on_scan)
+    if on_scan is not None:
+        on_scan(None)
     lever_m, tool = lever_arm_m(session), tool_of(session)
     prepared = prepare(returns, located.trajectory, located.antenna, lever_m, mounting, tool, ground, located.aid)
     if prepared is None and len(t_s := returns.standing.t_s):

@@ -30,7 +30,6 @@ from furrowmap.core.estimation.vehicle import with_positions
 from furrowmap.core.matching.placing import GUARD_S
 from furrowmap.core.matching.portions import blocks
 from furrowmap.core.matching.registration import session_surface
-from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.position_drift import (
     MIN_GAIN,
@@ -43,6 +42,8 @@ from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 
 WINDOW_ROUNDS: Final = (2, 14)
 """Fewest and most rounds of windows; they end when no heading turns by more than SETTLED_TURN_RAD."""
+WINDOW_THIN: Final = (8, 4)
+"""How many returns to one that is matched: before the last of the fewest rounds, and from it on."""
 SETTLED_TURN_RAD: Final = np.radians(0.4)
 SESSION_ROUNDS: Final = ((0.15, 3), (0.1, 2), (0.1, 1))
 """Cells in metres, and how many returns to one that is matched."""
@@ -126,13 +127,15 @@ def resolve_yaw_ambiguity(problem: Problem, it: Iterate) -> Iterate:
 def match_windows(problem: Problem, it: Iterate, steps: "_Steps") -> Iterate:
     """Rounds of short windows, until headings no longer turn."""
     least, most = WINDOW_ROUNDS
-    it, _ = window_step(problem, it, None)
+    thin, thin_at_last = WINDOW_THIN
+    it, _ = window_step(problem, it, None, thin)
     steps.done()
     relaxation = Relaxation()
     for number in range(1, most + 1):
-        it, turned = window_step(problem, it, relaxation)
+        thin = thin if number < least else thin_at_last
+        it, turned = window_step(problem, it, relaxation, thin)
         steps.done()
-        it, _ = window_step(problem, it, None)
+        it, _ = window_step(problem, it, None, thin)
         steps.done()
         if number >= least:
             if turned < SETTLED_TURN_RAD:
@@ -215,9 +218,8 @@ def shown_slow_errors(stated: Problem, adjusted: Adjusted) -> SlowErrors:
         return equations.dense()[np.ix_(chosen, chosen)], equations.right[chosen], fine.squares
 
     used, used_right, _ = alone(next(one for one in adjusted.problem.observations if isinstance(one, GnssDrift)), state)
-    covariance = last.free.inverse()
-    all_normal = np.linalg.inv(covariance[np.ix_(chosen, chosen)])
-    others, others_right = all_normal - used, all_normal @ covariance[chosen] @ last.free.right - used_right
+    all_normal = np.linalg.inv(last.covariance[np.ix_(chosen, chosen)])
+    others, others_right = all_normal - used, all_normal @ (last.covariance[chosen] @ last.free.right) - used_right
 
     @cache
     def drift_of(horizontal: float, vertical: float) -> tuple[FloatArray, FloatArray, float]:
@@ -258,7 +260,6 @@ class _Steps:
 
     def done(self) -> None:
         """One step is done."""
-        arrays.release()
         self._done += 1
         self._share = max(self._share, min(1.0, self._done / self._expected))
         self._progress(self._share)

@@ -41,10 +41,11 @@ MAX_COARSE: Final = 300
 """Coarse knots of a whole session; in a longer one they lie further apart."""
 
 
-def window_step(problem: Problem, it: Iterate, relaxation: Relaxation | None) -> tuple[Iterate, float]:
+def window_step(problem: Problem, it: Iterate, relaxation: Relaxation | None, thin: int) -> tuple[Iterate, float]:
     """A step against the ground of short windows, which overlap by half; also returns the largest turn of a heading.
 
-    With a relaxation references are free, and the step is lengthened by it; without one they are fixed.
+    Every `thin`-th return takes part. With a relaxation references are free, and the step is lengthened by it; without
+    one they are fixed.
     """
     knots, state = problem.knots, it.state
     coarse = CoarseKnots.over(knots, COARSE_EVERY, WINDOW_PATCH_M) if relaxation is not None else None
@@ -55,7 +56,7 @@ def window_step(problem: Problem, it: Iterate, relaxation: Relaxation | None) ->
     with ThreadPoolExecutor(1) as pool:
         prior = pool.submit(normal_equations, it.observations, knots, state)
         beside = pool.submit(register_wall_windows, placing, correlated, coarse)
-        ground = register_windows(placing, it.relief, coarse, centre, width)
+        ground = register_windows(placing, it.relief, coarse, centre, width, thin)
         held, walls = prior.result(), beside.result()
     _add_lidar(problem, it, held, ground, walls)
     if coarse is None or relaxation is None:

@@ -28,12 +28,11 @@ class Considered:
     right: FloatArray
 
 
-def slow_covariance(free: NormalEquations, considered: Considered) -> FloatArray:
-    """(count · size, count · size) covariance of the coarse knots with free references, with a considered parameter."""
-    slow = free.inverse()
+def slow_covariance(slow: FloatArray, considered: Considered) -> FloatArray:
+    """(n, n) a covariance of n = count · size unknowns of coarse knots, with a considered parameter."""
     left = considered.mode - slow @ considered.right
-    slow += np.outer(left, left)
-    return slow
+    out: FloatArray = slow + np.outer(left, left)
+    return out
 
 
 def quick_variances(held: NormalEquations, size: int) -> FloatArray:

@@ -26,8 +26,6 @@ from furrowmap.core.matching.walls import (
 )
 
 WINDOW_CELL_M: Final = 0.3
-GROUND_WINDOW_THIN: Final = 4
-"""Windows are matched with every fourth return."""
 WINDOW_PATCH_M: Final = 1.0
 SESSION_PATCH_M: Final = 2.0
 MIN_UPRIGHT_RETURNS: Final = 2_000
@@ -48,9 +46,9 @@ class GroundRegistration:
 
 
 def register_windows(
-    placing: Placing, relief: Relief, coarse: CoarseKnots | None, centre_m: np.ndarray, width: int
+    placing: Placing, relief: Relief, coarse: CoarseKnots | None, centre_m: np.ndarray, width: int, thin: int
 ) -> GroundRegistration:
-    """Each window against its own ground.
+    """Every `thin`-th return of each window against the window's own ground.
 
     Args:
         relief: reliability of slopes.
@@ -71,7 +69,7 @@ def register_windows(
                 free_patches(freed, [patches], WINDOW_PATCH_M, centre_m)
         return sums, freed
 
-    found = in_threads(work, windows(placing.returns.t_s, placing.knots, GROUND_WINDOW_THIN, placing.unused))
+    found = in_threads(work, windows(placing.returns.t_s, placing.knots, thin, placing.unused))
     sums = _sum_ground([s for s, _ in found])
     return GroundRegistration(
         Registration(sums.slices, coarse is not None, eliminated=[freed for _, freed in found]), sums

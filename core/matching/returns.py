@@ -195,7 +195,7 @@ class _Scratch:
 
     def __enter__(self) -> Self:
         enter = self._stack.enter_context
-        self._files = [enter(scratch_file()) for _ in range(4)]
+        self._files = [enter(scratch_file(STEP_RETURNS)) for _ in range(4)]
         return self
 
     def __exit__(self, *_: object) -> None:

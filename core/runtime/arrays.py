@@ -27,8 +27,8 @@ FloatArray: TypeAlias = NDArray[np.float64]
 Float32Array: TypeAlias = NDArray[np.float32]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
-LARGE: Final = 32 << 20
-"""Arrays of fewer bytes stay in memory; so large ones malloc takes from the system each for itself."""
+LARGE: Final = 64 << 20
+"""Arrays of fewer bytes stay in memory: pages of files cost more, and the equations of ten minutes take 46 MB."""
 ROWS_AT_ONCE: Final = 1 << 15
 """Rows that are computed together where intermediate results would be large."""
 RESIDENT_FILES: Final = 400 << 20
@@ -38,9 +38,12 @@ _mapped: WeakSet[mmap.mmap] = WeakSet()
 """Files of arrays in use."""
 
 
-def scratch_file() -> IO[bytes]:
-    """A nameless file, taken back when it is closed and no array maps it. Raises OSError if it cannot be made."""
-    return tempfile.TemporaryFile(prefix="furrowmap-", dir=settings().scratch_folder)
+def scratch_file(buffered: int = -1) -> IO[bytes]:
+    """A nameless file, taken back when it is closed and no array maps it. Raises OSError if it cannot be made.
+
+    So many bytes are written at once; by default as few as for other files.
+    """
+    return tempfile.TemporaryFile(buffering=buffered, prefix="furrowmap-", dir=settings().scratch_folder)
 
 
 def zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64, order: Literal["C", "F"] = "C") -> NDArray[Any]:

@@ -64,10 +64,9 @@ class GroundSampler:
     def add(self, xyz_m: FloatArray, kept: NDArray[np.bool_]) -> None:
         """Add the points (n, 3) of a scan of which `kept` (n,) may be ground: finite, and neither machine nor noise."""
         xyz_m = np.ascontiguousarray(xyz_m)
-        some_m = _hundred(xyz_m, kept)
-        if not len(some_m):
+        middle_m = _middle(xyz_m, kept)
+        if np.isnan(middle_m[0]):
             return
-        middle_m = np.median(some_m, axis=0)
         corner = np.floor(middle_m[:2] / GROUND_TILE_M).astype(np.int64) - _FAR_TILES
         window = np.full((2 * _FAR_TILES + 1,) * 2, -1, np.int64)
         _mark(xyz_m, kept, corner, window)
@@ -147,21 +146,26 @@ class LocalGround:
 
 
 @kernel()
-def _hundred(xyz_m, kept):  # type: ignore[no-untyped-def]
-    """About a hundred (n, 3) of the kept points."""
+def _middle(xyz_m, kept):  # type: ignore[no-untyped-def]
+    """Median (3,) of about a hundred of the kept points (n, 3); nan without any."""
     count = seen = taken = 0
     for i in range(len(kept)):
         count += kept[i]
     every = 1 + count // 100
-    some = np.empty((1 + count // every, 3))
+    some = np.empty((3, 1 + count // every))
     for i in range(len(kept)):
         if kept[i]:
             if seen % every == 0:
                 for a in range(3):
-                    some[taken, a] = xyz_m[i, a]
+                    some[a, taken] = xyz_m[i, a]
                 taken += 1
             seen += 1
-    return some[:taken]
+    out = np.full(3, np.nan)
+    if taken:
+        for a in range(3):
+            sort_in_place(some[a, :taken])
+            out[a] = 0.5 * (some[a, (taken - 1) // 2] + some[a, taken // 2])
+    return out
 
 
 @kernel()

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.record_spool import Square
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.mean_change import ChangeSums, MeanChange
@@ -123,12 +125,15 @@ class FieldPoints:
         spool = self._spool
         if spool is None:
             return
-        keys = spool.tiles
+
+        def made(key: Square) -> FieldTile:
+            return field_tile(spool.tile(key), passages, statistic, strips)
+
         with ThreadPoolExecutor(max(1, threads() // 2)) as pool:
-            for first in range(0, len(keys), TILES_AHEAD):
-                some = keys[first : first + TILES_AHEAD]
-                yield from pool.map(lambda key: field_tile(spool.tile(key), passages, statistic, strips), some)
-                arrays.release()  # what is free between arrays of so different lengths grows otherwise
+            for number, tile in enumerate(in_turn(pool, made, spool.tiles, TILES_AHEAD), start=1):
+                yield tile
+                if number % TILES_AHEAD == 0:
+                    arrays.release()  # what is free between arrays of so different lengths grows otherwise
 
 
 def tool_passages(trajectory: Trajectory, work: FieldWork, implement: Implement | None) -> Passages:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, zip_longest
@@ -302,18 +303,24 @@ class ImplementTracker:
         stated: Sequence[Implement | None] = session.implements or (None,)
         self._tools = [_ImplementTracking(*pair) for pair in zip_longest(stated, earlier[: len(stated)])]
         reach_m = [tool.hint.region_m[1] for tool in self._tools if tool.hint is not None and len(stated) > 1]
-        self._near: NearScans | None = NearScans(session.lidar.mounting, max([FRONT_M, *reach_m]))
+        self._near = NearScans(session.lidar.mounting, max([FRONT_M, *reach_m]))
         self._notices: tuple[Notice, ...] = ()
         self._ringed: list[bool] = []
+        self._search: Future[None] | None = None
 
     @property
     def shown(self) -> bool:
         """Whether an implement is known, once they were looked for."""
         return any(tool.heights is not None for tool in self._tools)
 
-    def add_scan(self, scan: Scan) -> None:
-        """Add a scan of the first pass."""
-        assert self._near is not None
+    def add_scan(self, scan: Scan | None) -> None:
+        """Add a scan of the first pass; after the last, None begins the search of the implements, in a thread."""
+        if scan is None:
+            if any(self._ringed):
+                pool = ThreadPoolExecutor(1, "implements")
+                self._search = pool.submit(self._find, self._near.scans)
+                pool.shutdown(wait=False)
+            return
         if len(self._ringed) < _RINGED_SCANS:
             self._ringed.append(has_rings(scan))
         self._near.add(scan)
@@ -325,17 +332,18 @@ class ImplementTracker:
 
     def learn(self, trajectory: Trajectory) -> MachineVoxels | None:
         """Find the implements, between the two readings; the machine of which they are part, None where not known."""
-        assert self._near is not None
         mounting, near = self._session.lidar.mounting, self._near.scans
-        self._near = None
+        self._near.scans = []
         if self._ringed and not any(self._ringed):
             for tool in self._tools:
                 tool.learned = Learned(None, (Notice("implement-no-rings"),))
             return None
         if self.flying:
             return learn_machine(near, np.ones(len(near), np.bool_), mounting, (), AIRBORNE)
-        for tool in self._tools:
-            tool.learn(near, mounting)
+        if self._search is None:
+            self._find(near)
+        else:
+            self._search.result()
         begin_s = np.array([scan.begin_s for scan in near])
         seen = [tool.learned.implement for tool in self._tools if tool.learned.implement is not None]
         before, share, known = trajectory.interval(begin_s)
@@ -344,6 +352,11 @@ class ImplementTracker:
         if machine is None:
             self._notices = (_NO_MACHINE,)
         return machine
+
+    def _find(self, near: Sequence[NearScan]) -> None:
+        """Find the implements in scans of the first pass."""
+        for tool in self._tools:
+            tool.learn(near, self._session.lidar.mounting)
 
     def following(self, scans: Iterable[Scan]) -> Iterator[Scan]:
         """The scans of the second reading, looked at on their way."""

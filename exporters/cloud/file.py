@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from furrowmap.core.runtime.background import give_way
 from furrowmap.core.runtime.settings import threads
 from furrowmap.exporters.cloud.cube import Cube
 from furrowmap.exporters.cloud.layers import ChunkColumns, compress_points
@@ -132,7 +133,7 @@ class CopcFile:
         self._stream = io.BufferedRandom(self._disk)
         header.write_to(self._stream)
         self._stream.write(bytes(TABLE_OFFSET.size))
-        self._threads = ThreadPoolExecutor(threads(), "compress")
+        self._threads = ThreadPoolExecutor(threads(), "compress", initializer=give_way)
         self._coming: deque[Future[Chunk]] = deque()
         self._keys: list[Key] = []
         self._chunks: list[tuple[int, int]] = []
