@@ -69,7 +69,7 @@ class LiveScan:
 class LiveSession:
     """Takes scans, and what the receiver sends in any pieces, and gives a :class:`LiveScan` for each scan.
 
-    Memory does not grow with time, but with the ground worked (5 bytes a cell of 0.1 m).
+    Memory does not grow with time, but with the ground worked (1 byte a cell of 0.1 m).
 
     Args:
         session: as the machine's profile states it.

@@ -43,7 +43,10 @@ START_NOISES: Final = 15.0
 START_WITHIN_S: Final = 4.0
 """Poses are given once positions moved so far, and by so many times their noise, in so short a time."""
 KNOWN_HEADING_DEG: Final = 1.5
-"""The first pose has a standard deviation of the heading below it: others navigate by what is sent."""
+KNOWN_AFTER_M: Final = 2.5
+"""The first pose has a standard deviation of the heading below the one and a way behind it above the other, unless two
+antennas show the heading: others navigate by what is sent, and turns matched to the ground of a few scans err by more
+than is stated."""
 STAND_BEFORE_START_M: Final = 0.1
 """Scans from before, while the vehicle stood within this, show the ground best."""
 BETTER: Final = 4.0
@@ -178,7 +181,9 @@ class LivePoses:
                 drive.add(each, positions)
             self._choose()
         pose = self.at(_middle_s(scan)) if not self._first else None
-        self._heading_known |= pose is not None and pose.sigma[5] < KNOWN_HEADING_DEG
+        if pose is not None and pose.sigma[5] < KNOWN_HEADING_DEG:
+            by_antennas = positions is not None and bool(np.isfinite(positions.yaw_rad[-1]))
+            self._heading_known |= by_antennas or abs(self._drives[0].way_m) > KNOWN_AFTER_M
         return pose if self._heading_known else None
 
     def at(self, t_s: float) -> LivePose | None:

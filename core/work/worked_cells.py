@@ -52,10 +52,12 @@ class WorkedCells:
                 tile = column, row
                 if tile not in self._state:
                     self._state[tile] = np.zeros((TILE_CELLS, TILE_CELLS), np.uint8)
+                if tile not in self._way_m:
                     self._way_m[tile] = np.full((TILE_CELLS, TILE_CELLS), -np.inf, np.float32)
                 local = corners - np.array(tile) * TILE_CELLS
                 if _sweep(self._state[tile], self._way_m[tile], local, way_m, self.count):
                     changed.add(tile)
+        self._way_m = {tile: way for tile, way in self._way_m.items() if way.max() >= way_m - REWORKED_M}
         self._touched |= changed
         return changed
 
@@ -93,7 +95,6 @@ class WorkedCells:
             if not missed.any():
                 return set()
             state = self._state[tile] = empty
-            self._way_m[tile] = np.full((TILE_CELLS, TILE_CELLS), -np.inf, np.float32)
         was = state == MISSED
         if (was == missed).all():
             return set()
