@@ -67,7 +67,7 @@ class Collected:
                 intensity=scan.intensity,
                 return_number=scan.return_number,
                 returns=scan.returns,
-                extra={"scan": scan.number},
+                extra={"scan": placed.number},
             )
         )
 

@@ -33,7 +33,7 @@ from furrowmap.core.pipeline.notices import (
 )
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pipeline.scanners import classifiers, further_notices, further_recordings, together
-from furrowmap.core.pointclouds.placed import PlacedScan, Placement, Placer, place_scans
+from furrowmap.core.pointclouds.placed import PLACED_AHEAD, PlacedScan, Placement, Placer, place_scans
 from furrowmap.core.readers.areas.area import nothing_within
 from furrowmap.core.readers.reader import GivesTrack, Reader
 from furrowmap.core.runtime import arrays
@@ -161,7 +161,7 @@ def run(
     moving = ahead(implement.following(corrected), SCANS_AHEAD)
     scans = together(watched(moving, lidar, progress, "placing points"), further)
     placers = [placer, *(replace(placer, mounting=one.found.mounting) for one in further)]
-    with behind(sink, SCANS_AHEAD) as add:
+    with behind(sink, PLACED_AHEAD) as add:
         placement = _place(opened, scans, placers, add, classifiers(machine, further))
     watch.lap("placing")
     refuse_empty(placement, located.trajectory, session)

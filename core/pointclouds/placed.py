@@ -118,19 +118,40 @@ DISORDER_S: Final = 0.5
 """Scans may begin this much before the one before them ends: packets come out of order, files do not."""
 
 
+POINTS_AT_ONCE: Final = 100_000
+"""Successive scans go to the sink together, from so many points on: they share what Python takes for each call."""
+PLACED_AHEAD: Final = 4
+"""So many times as many points wait for a sink."""
+
+
 @dataclass(frozen=True)
 class PlacedScan:
-    """The points of one scan that have a pose.
+    """The points of a scan that have a pose, or of several successive scans of one scanner.
 
     Attributes:
+        scan: with the number of the first one.
         xyz_m: (n, 3) float64 easting, northing, height less the placer's local origin.
         classification: (n,) uint8, :class:`~furrowmap.core.values.scan.PointClass` as far as the scan alone
             shows it: the machine, noise, and all else "other".
+        number: (n,) of each point's scan, or one for all.
     """
 
     scan: Scan
     xyz_m: NDArray[np.float64]
     classification: NDArray[np.uint8]
+    number: NDArray[np.uint32] | int
+
+    @classmethod
+    def joined(cls, parts: Sequence["PlacedScan"]) -> "PlacedScan":
+        """Scans one after the other, each of one number."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            Scan.joined([part.scan for part in parts]),
+            np.concatenate([part.xyz_m for part in parts]),
+            np.concatenate([part.classification for part in parts]),
+            np.repeat(np.array([part.number for part in parts], np.uint32), [len(part.scan) for part in parts]),
+        )
 
     @cached_property
     def kept(self) -> NDArray[np.bool_]:
@@ -198,13 +219,13 @@ def place_scans(
     within: Area | None = None,
     further: Sequence[Placer] = (),
 ) -> Placement:
-    """Place every scan and hand it to `sink`, in order; only the poses of the first scanner's scans are kept.
+    """Place every scan and hand all to `sink`, in order; only the poses of the first scanner's scans are kept.
 
     Args:
         scans: in time order, of one scanner or several.
         placer: of the first scanner.
         standing: whether scans of a standing vehicle go to `sink`.
-        sink: takes the points of each scan that has any.
+        sink: takes the points of the scans that have any, of several at once.
         classify: gives the classes of a scan's points.
         within: points elsewhere do not go to `sink`; None for all.
         further: what places the scans of further scanners, with the same trajectory.
@@ -217,6 +238,7 @@ def place_scans(
     begin_s, end_s = trajectory.span_s
     first_s = last_s = float("nan")
     placed: list[tuple[int, float, int]] = []
+    waiting = _Waiting(sink)
     for scan in scans:
         counts.update(scans=1, scans_whole=int(scan.whole), points_read=len(scan))
         scans_of[scan.scanner] += 1
@@ -256,7 +278,8 @@ def place_scans(
         if not scan.scanner:
             placed.append((scan.number, middle_s, len(scan)))
         if len(scan):
-            sink(PlacedScan(scan, xyz, classification))
+            waiting.add(PlacedScan(scan, xyz, classification, scan.number))
+    waiting.hand_on()
     return Placement(
         **counts,
         first_s=first_s,
@@ -265,6 +288,28 @@ def place_scans(
         scans_of=tuple(scans_of),
         points_of=tuple(points_of),
     )
+
+
+class _Waiting:
+    """Scans on their way to a sink, which gets those of one scanner together, POINTS_AT_ONCE at least."""
+
+    def __init__(self, sink: Callable[[PlacedScan], None]) -> None:
+        self._sink, self._placed, self._points = sink, list[PlacedScan](), 0
+
+    def add(self, placed: PlacedScan) -> None:
+        """Take a scan."""
+        if self._placed and self._placed[0].scan.scanner != placed.scan.scanner:
+            self.hand_on()
+        self._placed.append(placed)
+        self._points += len(placed.scan)
+        if self._points >= POINTS_AT_ONCE:
+            self.hand_on()
+
+    def hand_on(self) -> None:
+        """Pass on what waits."""
+        if self._placed:
+            self._sink(PlacedScan.joined(self._placed))
+            self._placed, self._points = [], 0
 
 
 def _poses(trajectory: Trajectory, placed: Sequence[tuple[int, float, int]]) -> ScanPoses:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, Colours
 from furrowmap.core.images.frames import Frames
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed import PLACED_AHEAD, PlacedScan
 from furrowmap.core.runtime.background import behind
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
@@ -23,8 +23,6 @@ from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO
 from furrowmap.exporters.rasters.orthophoto_file import write_orthophoto
 from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 
-SCANS_BEHIND: Final = 32
-"""Scans that wait for the depth maps, and those that wait to be packed."""
 NOT_COLOURED: Final = np.array([PointClass.NOISE, PointClass.VEHICLE, PointClass.IMPLEMENT], np.uint8)
 """Classes without colours: the machine has moved in the next frame."""
 
@@ -74,7 +72,7 @@ class RunColours:
 
     def __enter__(self) -> Self:
         assert self._maker is not None
-        self._add = self._working.enter_context(behind(self._maker.add, SCANS_BEHIND))
+        self._add = self._working.enter_context(behind(self._maker.add, PLACED_AHEAD))
         return self
 
     def __exit__(self, *error: Any) -> None:

@@ -26,7 +26,7 @@ from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import open_clouds
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed import PLACED_AHEAD, PlacedScan
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import behind, beside
 from furrowmap.core.runtime.errors import Notice, printable
@@ -68,7 +68,7 @@ from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.workflows.clouds.features import found_layers, sparse_notices
 from furrowmap.workflows.clouds.inputs import box_to_use
 from furrowmap.workflows.crops.parcels import WrittenParcels, held_against_surface, parcel_settings, write_parcels
-from furrowmap.workflows.run.colours import SCANS_BEHIND, ColourFigures, RunColours
+from furrowmap.workflows.run.colours import ColourFigures, RunColours
 
 SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
@@ -333,7 +333,7 @@ class RunCloud:
         self, writer: CopcWriter, packing: ExitStack, colours: RunColours | None, *, several_scanners: bool = False
     ) -> None:
         self._writer, self._packing, self._colours, self._several = writer, packing, colours, several_scanners
-        self._append = packing.enter_context(behind(writer.append, SCANS_BEHIND))
+        self._append = packing.enter_context(behind(writer.append, PLACED_AHEAD))
         self._watch = GroundSampler()
 
     def add(self, placed: PlacedScan) -> None:
@@ -349,7 +349,7 @@ class RunCloud:
                 returns=scan.returns,
                 classification=placed.classification,
                 rgb=np.broadcast_to(NO_COLOUR, (len(scan), 3)) if self._colours is not None else None,
-                extra={"scan": scan.number} | ({"scanner": scan.scanner} if self._several else {}),
+                extra={"scan": placed.number} | ({"scanner": scan.scanner} if self._several else {}),
             )
         )
 

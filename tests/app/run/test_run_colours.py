@@ -40,7 +40,7 @@ def coloured(frames: Frames) -> tuple[ChunkColumns, ColourFigures]:
     classes[::10] = PointClass.VEHICLE
     with RunColours(frames, ORIGIN_M) as colours:
         scan = Scan.__new__(Scan)  # its points alone matter
-        colours.add(PlacedScan(scan, whole, classes))
+        colours.add(PlacedScan(scan, whole, classes, 0))
         colours.finish(lambda *_: None)
         points = columns(whole, classes)
         colours.paint(points, SCALE_M)
