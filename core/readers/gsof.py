@@ -13,7 +13,15 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, count_foreign, message_names, scan_stream
+from furrowmap.core.readers.messages import (
+    MessageCounts,
+    Messages,
+    at_equal,
+    count_foreign,
+    message_layouts,
+    message_names,
+    scan_stream,
+)
 from furrowmap.core.readers.position_log import (
     MIN_INTACT_SHARE,
     LoggedPositions,
@@ -31,17 +39,7 @@ from furrowmap.core.values.gnss import Fix
 
 TIME, PLACE, VELOCITY, DILUTION, SIGMAS, ATTITUDE, SOLUTION = 1, 2, 8, 9, 12, 27, 38
 """Types of the records that are read."""
-_LAYOUTS: Final = {
-    TIME: np.dtype([("ms", ">u4"), ("week", ">u2"), ("satellites", "u1"), ("flags", "u1"), ("solution", "u1")]),
-    PLACE: np.dtype([("lat", ">f8"), ("lon", ">f8"), ("height", ">f8")]),
-    VELOCITY: np.dtype([("flags", "u1"), ("speed", ">f4"), ("course", ">f4")]),
-    DILUTION: np.dtype([("pdop", ">f4"), ("hdop", ">f4")]),
-    SIGMAS: np.dtype([("rms", ">f4"), ("e", ">f4"), ("n", ">f4"), ("en", ">f4"), ("h", ">f4")]),
-    ATTITUDE: np.dtype(
-        [("ms", ">u4"), ("valid", "u1"), ("satellites", "u1"), ("mode", ">u2"), ("pitch", ">f8"), ("yaw", ">f8")]
-    ),
-    SOLUTION: np.dtype([("scale", ">f4"), ("rtk", ">u2"), ("age", ">f4"), ("network", "u1")]),
-}
+_LAYOUTS: Final = message_layouts("gsof")
 """What all versions of a record begin with."""
 _STX, _ETX, _GENOUT = b"\x02", 0x03, 0x40
 _PACKET_BYTES: Final = 6

@@ -120,7 +120,7 @@ def recording_name(paths: Sequence[Path]) -> str:
 
 
 @runtime_checkable
-class GivesScans(Protocol):
+class GivesScans(Reader, Protocol):
     """A reader of a laser scanner's recording.
 
     Attributes:
@@ -138,7 +138,7 @@ class GivesScans(Protocol):
 
 
 @runtime_checkable
-class GivesTrack(Protocol):
+class GivesTrack(Reader, Protocol):
     """A reader of a GNSS receiver's positions."""
 
     def track(self) -> GnssTrack:
@@ -147,7 +147,7 @@ class GivesTrack(Protocol):
 
 
 @runtime_checkable
-class GivesPoses(Protocol):
+class GivesPoses(Reader, Protocol):
     """A reader of a trajectory from other software."""
 
     def poses(self) -> PoseTrack:
@@ -156,7 +156,7 @@ class GivesPoses(Protocol):
 
 
 @runtime_checkable
-class GivesInertial(Protocol):
+class GivesInertial(Reader, Protocol):
     """A reader of an inertial measurement unit (IMU)."""
 
     def inertial(self) -> InertialTrack:
@@ -165,7 +165,7 @@ class GivesInertial(Protocol):
 
 
 @runtime_checkable
-class GivesAttitude(Protocol):
+class GivesAttitude(Reader, Protocol):
     """A reader of an attitude and heading reference system (AHRS)."""
 
     def attitude(self) -> AttitudeTrack:
@@ -173,16 +173,8 @@ class GivesAttitude(Protocol):
         ...
 
 
-class AttitudeReader(Reader, GivesAttitude, Protocol):
-    """A reader of attitudes."""
-
-
-class InertialReader(Reader, GivesInertial, Protocol):
-    """A reader of inertial measurements."""
-
-
 @runtime_checkable
-class GivesImages(Protocol):
+class GivesImages(Reader, Protocol):
     """A reader of the images of a camera."""
 
     def images(self) -> Images:
@@ -194,12 +186,8 @@ class GivesImages(Protocol):
         ...
 
 
-class ImageReader(Reader, GivesImages, Protocol):
-    """A reader of images."""
-
-
 @runtime_checkable
-class GivesStates(Protocol):
+class GivesStates(Reader, Protocol):
     """A reader of recorded states of the implement."""
 
     def states(self) -> ToolStates:

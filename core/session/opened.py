@@ -5,22 +5,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final, Protocol, cast
+from typing import Final, TypeVar
 
 import msgspec
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import (
-    AttitudeReader,
     GivesAttitude,
     GivesImages,
     GivesInertial,
     GivesPoses,
     GivesScans,
     GivesTrack,
-    ImageReader,
-    InertialReader,
     Reader,
     ReadOptions,
     open_recording,
@@ -37,7 +34,9 @@ from furrowmap.core.values.scan import ClockReading, Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import WHOLE_SPAN, Span, scans_within
 
-_GIVES: Final = {
+R = TypeVar("R", bound=Reader)
+
+_GIVES: Final[dict[type[Reader], str]] = {
     GivesScans: "laser scans",
     GivesTrack: "positions",
     GivesPoses: "trajectory",
@@ -53,10 +52,6 @@ class ToolInputs:
 
     states: tuple[Path, ...] = ()
     learned: Path | None = None
-
-
-class LidarReader(Reader, GivesScans, Protocol):
-    """A reader of laser scans."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +146,7 @@ class LidarRecording:
     `[recording] lidar_minus_gnss_s` is subtracted here and nowhere else. The recording may be read several times.
     """
 
-    def __init__(self, reader: LidarReader, minus_gnss_s: float, span_s: Span = WHOLE_SPAN) -> None:
+    def __init__(self, reader: GivesScans, minus_gnss_s: float, span_s: Span = WHOLE_SPAN) -> None:
         self._reader, self._minus_gnss_s, self._span_s = reader, minus_gnss_s, span_s
 
     def scans(self) -> Iterator[Scan]:
@@ -214,7 +209,7 @@ class OpenSession:
             return _open(self.inputs.positions, options, GivesPoses, "trajectory.files")
         return _open(self.inputs.positions, options, GivesTrack, "recording.gnss")
 
-    def inertial(self, near_s: float) -> InertialReader:
+    def inertial(self, near_s: float) -> GivesInertial:
         """A reader of the IMU; `near_s` is a time of the recording, for times from the start of a week."""
         table = self.session.imu
         assert table is not None
@@ -222,15 +217,15 @@ class OpenSession:
         options = ReadOptions(near_s=near_s, topic=table.topic, columns=columns)
         if columns:
             return ImuCsv(self.inputs.inertial, options)
-        return cast("InertialReader", _open(self.inputs.inertial, options, GivesInertial, "imu.files"))
+        return _open(self.inputs.inertial, options, GivesInertial, "imu.files")
 
-    def attitude(self, near_s: float) -> tuple[AttitudeReader, AttitudeReader]:
+    def attitude(self, near_s: float) -> tuple[GivesAttitude, GivesAttitude]:
         """Readers of roll and pitch, and of the heading; `near_s` as for :meth:`inertial`."""
         table = self.session.attitude
         assert table is not None
         stated = {"attitude.roll_pitch": table.roll_pitch_topic, "attitude.heading": table.heading_topic}
         level, heading = (
-            cast("AttitudeReader", _open([path], ReadOptions(near_s=near_s, topic=topic), GivesAttitude, key))
+            _open([path], ReadOptions(near_s=near_s, topic=topic), GivesAttitude, key)
             for path, (key, topic) in zip(self.inputs.attitude, stated.items(), strict=True)
         )
         return level, heading
@@ -262,11 +257,11 @@ class OpenSession:
         reader = self._image_reader()
         return reader.images(), reader.notices
 
-    def _image_reader(self) -> ImageReader:
+    def _image_reader(self) -> GivesImages:
         camera = self.session.camera
         assert camera is not None
         options = ReadOptions(topic=camera.topic, glance_s=camera.every_s or None)
-        return cast("ImageReader", _open(self.inputs.camera, options, GivesImages, "camera.files"))
+        return _open(self.inputs.camera, options, GivesImages, "camera.files")
 
     def lidar(self, near_s: float, glance_s: float | None = None, number: int = 0) -> LidarRecording:
         """The laser scans of a scanner, by its number; one in `glance_s` is enough.
@@ -276,7 +271,7 @@ class OpenSession:
         lidar = self.session.lidars[number]
         minus_gnss_s, paths = lidar.minus_gnss_s or 0.0, (self.inputs.lidar, *self.inputs.further_lidars)[number]
         options = ReadOptions(model=lidar.model, source=lidar.source, near_s=near_s + minus_gnss_s, glance_s=glance_s)
-        reader = cast("LidarReader", _open(paths, options, GivesScans, "lidar.files" if number else "recording.lidar"))
+        reader = _open(paths, options, GivesScans, "lidar.files" if number else "recording.lidar")
         return LidarRecording(reader, minus_gnss_s, self.session.recording.span_s)
 
 
@@ -298,7 +293,7 @@ def watched(scans: Iterator[Scan], recording: LidarRecording, progress: Progress
     progress(stage, 1.0)
 
 
-def _open(paths: Sequence[Path], options: ReadOptions, kind: type[object], key: str) -> Reader:
+def _open(paths: Sequence[Path], options: ReadOptions, kind: type[R], key: str) -> R:
     """A reader of files; raises InputError if they do not hold what the session names them for."""
     reader = open_recording(paths, options)
     if not isinstance(reader, kind):

@@ -23,7 +23,7 @@ from furrowmap.core.estimation.positions import (
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.inertial_rows import imu_notices, without_frozen
-from furrowmap.core.readers.reader import AttitudeReader, GivesPoses, GivesTrack, InertialReader, Reader
+from furrowmap.core.readers.reader import GivesAttitude, GivesInertial, GivesPoses, GivesTrack, Reader
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.trajectory.from_course import trajectory_from_course
@@ -196,8 +196,8 @@ SLOWEST_DIRECTIONS_S: Final = 0.3
 """Positions further apart than this do not show whether a vehicle reverses."""
 HEADING_SIGMA_DEG: Final = 5.0
 """Of a recorded heading where `[attitude]` states none: what a magnetometer beside iron and motors is good for."""
-OpenInertial: TypeAlias = Callable[[float], InertialReader]
-OpenAttitude: TypeAlias = Callable[[float], tuple[AttitudeReader, AttitudeReader]]
+OpenInertial: TypeAlias = Callable[[float], GivesInertial]
+OpenAttitude: TypeAlias = Callable[[float], tuple[GivesAttitude, GivesAttitude]]
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,7 @@ def middle_s(track: GnssTrack) -> float:
     return float(np.median(track.t_s)) if len(track) else 0.0
 
 
-def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: AttitudeReader) -> RecordedHeadings:
+def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: GivesAttitude) -> RecordedHeadings:
     """The headings of the vehicle that `[attitude] heading` names, from grid north."""
     table = session.attitude
     assert table is not None
@@ -332,7 +332,7 @@ def _with_imu(
     session: Session,
     frame: MapFrame,
     fixes: tuple[Fix, ...] | None,
-    inertial: InertialReader,
+    inertial: GivesInertial,
     hints: Hints,
 ) -> Located:
     """The trajectory from GNSS and an IMU; of a machine on the ground, from GNSS with what its IMU adds to matching."""
@@ -395,7 +395,7 @@ def _with_attitude(
     session: Session,
     frame: MapFrame,
     fixes: tuple[Fix, ...] | None,
-    readers: tuple[AttitudeReader, AttitudeReader],
+    readers: tuple[GivesAttitude, GivesAttitude],
 ) -> Located:
     """The trajectory from GNSS and attitude logs."""
     assert session.attitude is not None

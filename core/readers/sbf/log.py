@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.messages import CRC, Framing, MessageCounts, Messages, at_equal, layout
+from furrowmap.core.readers.messages import CRC, Framing, MessageCounts, Messages, at_equal, message_layouts
 from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, dated_positions, has_position
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -16,25 +16,7 @@ from furrowmap.core.values.gnss import Fix
 
 GEODETIC, CARTESIAN, COV_GEODETIC, COV_CARTESIAN, ATTITUDE, DOP = 4007, 4006, 5906, 5905, 5938, 4001
 """Numbers of the blocks that are read."""
-_STAMP: Final = {"tow": (8, "u4"), "week": (12, "u2")}
-_PVT: Final = _STAMP | {
-    "mode": (14, "u1"), "error": (15, "u1"), "course": (56, "f4"), "satellites": (74, "u1"), "age": (78, "u2"),
-}  # fmt: skip
-SBF_LAYOUTS: Final = {
-    GEODETIC: layout(
-        84, **_PVT, lat=(16, "f8"), lon=(24, "f8"), height=(32, "f8"), vn=(44, "f4"), ve=(48, "f4"),
-    ),
-    CARTESIAN: layout(
-        84, **_PVT, x=(16, "f8"), y=(24, "f8"), z=(32, "f8"), vx=(44, "f4"), vy=(48, "f4"), vz=(52, "f4"),
-    ),
-    COV_GEODETIC: layout(28, **_STAMP, error=(15, "u1"), nn=(16, "f4"), ee=(20, "f4"), hh=(24, "f4")),
-    COV_CARTESIAN: layout(
-        48, **_STAMP, error=(15, "u1"), xx=(16, "f4"), yy=(20, "f4"), zz=(24, "f4"), xy=(32, "f4"), xz=(36, "f4"),
-        yz=(44, "f4"),
-    ),
-    ATTITUDE: layout(24, **_STAMP, error=(15, "u1"), mode=(16, "u2"), heading=(20, "f4")),
-    DOP: layout(24, **_STAMP, hdop=(20, "u2")),
-}  # fmt: skip
+SBF_LAYOUTS: Final = message_layouts("sbf")
 """Fields that are read of each block, all of them in every revision (SBF reference guide, offsets from ``$``)."""
 _NO_WEEK: Final = 0xFFFF
 _DO_NOT_USE: Final = -2e10

@@ -6,11 +6,9 @@ with its number, elevation and azimuth in degrees; newer files begin with a line
 """
 
 import difflib
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
-from importlib import resources
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.tables import own_table
 
 _LARGEST_BYTES: Final = 1 << 16
 _APART_DEG: Final = 1.0
@@ -147,12 +146,6 @@ class PacketLayout:
         return past_hour_us
 
 
-@cache
-def _channels() -> dict[str, dict[str, Any]]:
-    text = resources.files("furrowmap.core.readers.spinning").joinpath("channels.toml").read_text("utf-8")
-    return tomllib.loads(text)
-
-
 @dataclass(frozen=True)
 class Model:
     """A sensor's geometry and timing.
@@ -188,7 +181,8 @@ class Model:
         cls, name: str, product: int, layout: PacketLayout, resolution_m: float, cycle_s: float, **timing: Any
     ) -> "Model":
         """A model whose lasers are in `channels.toml`; `timing` are the last three attributes."""
-        lasers = {key: np.array(str(values).split(), np.float64) for key, values in _channels()[name].items()}
+        listed = own_table("readers.spinning", "channels")[name]
+        lasers = {key: np.array(str(values).split(), np.float64) for key, values in listed.items()}
         elevation, none = lasers["elevation_deg"], np.zeros(len(lasers["elevation_deg"]))
         of_axis_mm = -lasers.get("axis_mm", none) * np.tan(np.radians(elevation))
         height_m = 1e-3 * lasers.get("height_mm", of_axis_mm)

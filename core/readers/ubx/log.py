@@ -14,7 +14,7 @@ from furrowmap.core.readers.messages import (
     MessageCounts,
     Messages,
     at_equal,
-    layout,
+    message_layouts,
     message_names,
     paired,
 )
@@ -28,28 +28,7 @@ PVT, HPPOSLLH, COV, DOP, STATUS, TIMEGPS, TIMEUTC, RAWX, RELPOSNED = (
     0x0107, 0x0114, 0x0136, 0x0104, 0x0103, 0x0120, 0x0121, 0x0215, 0x013C,
 )  # fmt: skip
 """Class and id of the messages that are read."""
-UBX_LAYOUTS: Final = {
-    PVT: layout(
-        84, itow=(0, "u4"), year=(4, "u2"), month=(6, "u1"), day=(7, "u1"), hour=(8, "u1"), minute=(9, "u1"),
-        second=(10, "u1"), valid=(11, "u1"), nano=(16, "i4"), kind=(20, "u1"), flags=(21, "u1"), satellites=(23, "u1"),
-        lon=(24, "i4"), lat=(28, "i4"), height=(32, "i4"), h_acc=(40, "u4"), v_acc=(44, "u4"), speed=(60, "i4"),
-        course=(64, "i4"), flags3=(78, "u2"),
-    ),
-    HPPOSLLH: layout(
-        36, flags=(3, "u1"), itow=(4, "u4"), lon=(8, "i4"), lat=(12, "i4"), height=(16, "i4"), lon_hp=(24, "i1"),
-        lat_hp=(25, "i1"), height_hp=(26, "i1"), h_acc=(28, "u4"), v_acc=(32, "u4"),
-    ),
-    COV: layout(64, itow=(0, "u4"), valid=(5, "u1"), nn=(16, "f4"), ee=(28, "f4"), dd=(36, "f4")),
-    DOP: layout(18, itow=(0, "u4"), hdop=(12, "u2")),
-    STATUS: layout(16, itow=(0, "u4"), kind=(4, "u1"), flags=(5, "u1"), flags2=(7, "u1")),
-    TIMEGPS: layout(16, itow=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
-    TIMEUTC: layout(
-        20, itow=(0, "u4"), year=(12, "u2"), month=(14, "u1"), day=(15, "u1"), hour=(16, "u1"), minute=(17, "u1"),
-        second=(18, "u1"), valid=(19, "u1"),
-    ),
-    RAWX: layout(16, tow=(0, "f8"), week=(8, "u2")),
-    RELPOSNED: layout(64, version=(0, "u1"), itow=(4, "u4"), heading=(24, "i4"), flags=(60, "u4")),
-}  # fmt: skip
+UBX_LAYOUTS: Final = message_layouts("ubx")
 """Fields that are read of each message, all of them in every protocol version."""
 
 AGE_S: Final = np.array([np.nan, 1, 2, 5, 10, 15, 20, 30, 45, 60, 90, 120, 120, 120, 120, 120], np.float64)
