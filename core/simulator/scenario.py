@@ -2,7 +2,6 @@
 
 import datetime as dt
 import difflib
-import json
 import math
 import re
 import tomllib
@@ -16,6 +15,7 @@ import msgspec
 from msgspec import Meta
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.tables import toml_keys
 
 Vector3: TypeAlias = tuple[float, float, float]
 Box: TypeAlias = tuple[float, float, float, float, float, float]
@@ -620,10 +620,8 @@ def scenario_from(text: str, name: str) -> Scenario:
 def as_toml(scenario: Scenario) -> str:
     """`scenario` as TOML with every key that has a value, such that loading it gives the same scenario."""
     whole = _as_builtins(scenario)
-    lines = [f"{key} = {_value(value)}" for key, value in whole.items() if not isinstance(value, dict)]
-    for table, keys in _tables(whole, ""):
-        lines += ["", f"[{table}]", *(f"{key} = {_value(value)}" for key, value in keys.items())]
-    return "\n".join(lines) + "\n"
+    top = {key: value for key, value in whole.items() if not isinstance(value, dict)}
+    return toml_keys(top) + "".join(f"\n[{table}]\n{toml_keys(keys)}" for table, keys in _tables(whole, ""))
 
 
 def _tables(whole: Mapping[str, Any], above: str) -> list[tuple[str, dict[str, Any]]]:
@@ -635,18 +633,6 @@ def _tables(whole: Mapping[str, Any], above: str) -> list[tuple[str, dict[str, A
                 found.append((above + name, keys))
             found += _tables(value, f"{above}{name}.")
     return found
-
-
-def _value(value: object) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {_value(v)}" for key, v in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
-    return repr(value)
 
 
 def _as_builtins(scenario: Scenario) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.recording import World, record, recording_file, second_file
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement, as_toml
-from furrowmap.core.simulator.simulate_flight import Written, moving, session_head, write_flight, write_sensors
+from furrowmap.core.simulator.simulate_flight import Written, moving, write_flight, write_sensors, write_session
 from furrowmap.core.simulator.site import SimulatedSite, find_site, lay_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
 from furrowmap.core.simulator.truth import (
@@ -74,7 +74,7 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
     world = World(scenario, site, ground, motion, mount=moving(scenario), front=ahead)
     capture = recording_file(scenario.lidar)
     truth, end_s = folder / "truth", track.duration_s + scenario.lidar.stop_s
-    (folder / "session.toml").write_text(_session(scenario, capture), encoding="utf-8")
+    write_session(folder, scenario, capture, *_implements(scenario), ("[field]", {"boundary": "boundary.geojson"}))
     (folder / "boundary.geojson").write_text(_boundary(scenario, site), encoding="utf-8")
     gnss = receivers(scenario, site, motion, end_s)
     for name, (fixes, station) in gnss.items():
@@ -112,31 +112,22 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
     return Written(scenario, capture, figures)
 
 
-def _session(scenario: Scenario, capture: str) -> str:
-    front, header = scenario.front, "[implement]" if scenario.front is None else "[[implement]]"
-    named = f"name = {_text(front.rear_name)}\n" if front is not None else ""
-    tables = [f"{header}\n{named}{_implement(scenario.implement)}"]
-    if front is not None:
-        tables.append(f"{header}\nname = {_text(front.name)}\n{_implement(front)}")
-    return f"""\
-{session_head(scenario, capture)}
-{chr(10).join(tables)}
-[field]
-boundary = "boundary.geojson"
-"""
+def _implements(scenario: Scenario) -> list[tuple[str, dict[str, Any]]]:
+    """The tables of the implements."""
+    rear, front = scenario.implement, scenario.front
+    if front is None:
+        return [("[implement]", _implement_keys(rear))]
+    named = ((front.rear_name, rear), (front.name, front))
+    return [("[[implement]]", {"name": name} | _implement_keys(implement)) for name, implement in named]
 
 
-def _implement(implement: ScenarioImplement) -> str:
-    return f"""\
-kind = {_text(implement.kind)}
-width_m = {implement.width_m!r}
-xy_m = {list(implement.xy_m)}
-working_depth_m = {implement.working_depth_m!r}
-"""
-
-
-def _text(words: str) -> str:
-    return json.dumps(words, ensure_ascii=False)
+def _implement_keys(implement: ScenarioImplement) -> dict[str, Any]:
+    return {
+        "kind": implement.kind,
+        "width_m": implement.width_m,
+        "xy_m": implement.xy_m,
+        "working_depth_m": implement.working_depth_m,
+    }
 
 
 def _boundary(scenario: Scenario, site: SimulatedSite) -> str:

@@ -6,7 +6,6 @@ centrifugal one (Groves 2013, Principles of GNSS, Inertial and Multisensor Integ
 both derivatives are differences of fourth order of the path, through which splines of fifth degree are laid.
 """
 
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.tables import toml_keys
 from furrowmap.core.simulator.drive import AFTER_S, DRIVE_RATE_HZ, LEAD_IN_S
 from furrowmap.core.simulator.gnss import receive, report, sentences
 from furrowmap.core.simulator.motion import SimulatedMotion, SimulatedMountMotion, mount_rotation, vehicle_rotation
@@ -435,7 +435,7 @@ def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Pro
     length_s = duration_s(flight)
     end_s, truth = length_s + scenario.lidar.stop_s, folder / "truth"
     capture = "scans.csv" if scenario.line else recording_file(scenario.lidar)
-    (folder / "session.toml").write_text(session_head(scenario, capture), encoding="utf-8")
+    write_session(folder, scenario, capture)
     fixes = receive(scenario.gnss.rtk, scenario.antenna.xyz_m, site, motion, end_s, scenario.seed, "gnss.nmea")
     (folder / "gnss.nmea").write_text(sentences(fixes, site, "0001"), encoding="ascii", newline="")
     write_sensors(folder, world, end_s)
@@ -492,50 +492,42 @@ def flight_figures(motion: SimulatedMotion) -> dict[str, Any]:
     }
 
 
-def session_head(scenario: Scenario, capture: str) -> str:
-    """The session as its user states it, but for an implement and a field."""
-    second, line = scenario.second_lidar, scenario.line is not None
-    scanner = _lidar_table("[lidar]\n", scenario.lidar, line=line)
-    if second is not None:
-        first, other = (f"[[lidar]]\nname = {json.dumps(name)}\n" for name in (second.first_name, second.name))
-        other += f'files = ["{second_file(second)}"]\nminus_gnss_s = {second.minus_gnss_s!r}\n'
-        scanner = _lidar_table(first, scenario.lidar) + "\n" + _lidar_table(other, second)
-    parts = [
-        f"""\
-furrowmap = 1
-name = {json.dumps(scenario.title, ensure_ascii=False)}
-
-[recording]
-lidar = ["{capture}"]
-gnss = ["gnss.nmea"]
-lidar_minus_gnss_s = {scenario.clock.lidar_minus_gnss_s!r}
-
-[crs]
-map = {json.dumps(scenario.place.crs)}
-heights = "ellipsoidal"
-coordinates = "as-recorded"
-
-[antenna]
-xyz_m = {list(scenario.antenna.xyz_m)}
-
-{scanner}"""
+def write_session(folder: Path, scenario: Scenario, capture: str, *tables: tuple[str, dict[str, Any]]) -> None:
+    """The session as its user states it, with further tables: headers and keys."""
+    second = scenario.second_lidar
+    first = {} if second is None else {"name": second.first_name}
+    stated: list[tuple[str, dict[str, Any]]] = [
+        (
+            "[recording]",
+            {"lidar": [capture], "gnss": ["gnss.nmea"], "lidar_minus_gnss_s": scenario.clock.lidar_minus_gnss_s},
+        ),
+        ("[crs]", {"map": scenario.place.crs, "heights": "ellipsoidal", "coordinates": "as-recorded"}),
+        ("[antenna]", {"xyz_m": scenario.antenna.xyz_m}),
+        (
+            "[lidar]" if second is None else "[[lidar]]",
+            first | _lidar_keys(scenario.lidar, line=scenario.line is not None),
+        ),
     ]
+    if second is not None:
+        own = {"name": second.name, "files": [second_file(second)], "minus_gnss_s": second.minus_gnss_s}
+        stated.append(("[[lidar]]", own | _lidar_keys(second)))
     if scenario.imu is not None:
-        parts.append(_imu_table(scenario.imu))
+        stated.append(("[imu]", _imu_keys(scenario.imu)))
     if scenario.mount is not None:
-        parts.append('\n[mount]\nattitude = "mount.csv"\n')
-    return "".join(parts)
+        stated.append(("[mount]", {"attitude": "mount.csv"}))
+    text = toml_keys({"furrowmap": 1, "name": scenario.title})
+    text += "".join(f"\n{header}\n{toml_keys(keys)}" for header, keys in (*stated, *tables))
+    (folder / "session.toml").write_text(text, encoding="utf-8")
 
 
-def _lidar_table(head: str, lidar: ScenarioLidar, *, line: bool = False) -> str:
+def _lidar_keys(lidar: ScenarioLidar, *, line: bool = False) -> dict[str, Any]:
     stated = "" if line else SCANNERS[lidar.model].stated
-    model = f'model = "{stated}"\n' if stated else ""
-    return f"{head}{model}xyz_m = {list(lidar.xyz_m)}\nrpy_deg = {list(lidar.rpy_deg)}\n"
+    return ({"model": stated} if stated else {}) | {"xyz_m": lidar.xyz_m, "rpy_deg": lidar.rpy_deg}
 
 
-def _imu_table(imu: ScenarioImu) -> str:
+def _imu_keys(imu: ScenarioImu) -> dict[str, Any]:
     """`[imu]` with the figures of its data sheet; those that are zero are left to the class."""
-    stated = {
+    noise = {
         "gyro_deg_s_rthz": imu.gyro_noise_deg_s_rthz,
         "accel_mg_rthz": imu.accel_noise_mg_rthz,
         "gyro_bias_deg_s": imu.gyro_bias_deg_s,
@@ -543,12 +535,10 @@ def _imu_table(imu: ScenarioImu) -> str:
         "gyro_walk_deg_s_rts": imu.gyro_walk_deg_s_rts,
         "accel_walk_mg_rts": imu.accel_walk_mg_rts,
     }
-    noise = ", ".join(f"{key} = {value!r}" for key, value in stated.items() if value > 0.0)
-    return f"""
-[imu]
-files = ["imu.csv"]
-xyz_m = {list(imu.xyz_m)}
-rpy_deg = {list(imu.rpy_deg)}
-class = {json.dumps(imu.kind)}
-noise = {{ {noise} }}
-"""
+    return {
+        "files": ["imu.csv"],
+        "xyz_m": imu.xyz_m,
+        "rpy_deg": imu.rpy_deg,
+        "class": imu.kind,
+        "noise": {key: value for key, value in noise.items() if value > 0.0},
+    }
