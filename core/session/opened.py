@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import msgspec
 
@@ -54,7 +54,7 @@ class ToolInputs:
     learned: Path | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Inputs:
     """The files that a session names, resolved: each exists and lies inside the session's folder.
 
@@ -62,24 +62,24 @@ class Inputs:
     """
 
     lidar: tuple[Path, ...]
+    further_lidars: tuple[tuple[Path, ...], ...]
     positions: tuple[Path, ...]
-    further_lidars: tuple[tuple[Path, ...], ...] = ()
-    inertial: tuple[Path, ...] = ()
-    attitude: tuple[Path, ...] = ()
-    mount: Path | None = None
-    boundary: Path | None = None
-    within: Path | None = None
-    check_points: Path | None = None
-    images: Path | None = None
-    camera: tuple[Path, ...] = ()
-    control_points: Path | None = None
-    control_pixels: Path | None = None
-    parcels: Path | None = None
-    treatments: Path | None = None
-    soil: Path | None = None
-    tools: tuple[ToolInputs, ...] = ()
-    parameters: Path | None = None
-    geoid_grid: Path | None = None
+    inertial: tuple[Path, ...]
+    attitude: tuple[Path, ...]
+    camera: tuple[Path, ...]
+    mount: Path | None
+    boundary: Path | None
+    images: Path | None
+    parcels: Path | None
+    treatments: Path | None
+    soil: Path | None
+    tools: tuple[ToolInputs, ...]
+    control_points: Path | None
+    control_pixels: Path | None
+    parameters: Path | None
+    geoid_grid: Path | None
+    within: Path | None
+    check_points: Path | None
 
     @classmethod
     def find(cls, session_file: Path, session: Session) -> "Inputs":
@@ -118,26 +118,16 @@ class Inputs:
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file once, laser scanner recordings first, in the order in which the session names them."""
-        single = (
-            *(self.mount, self.boundary, self.images, self.parcels, self.treatments, self.soil),
-            *(path for tool in self.tools for path in tool.states),
-            *(self.control_points, self.control_pixels),
-            *(tool.learned for tool in self.tools),
-            *(self.parameters, self.geoid_grid, self.within, self.check_points),
-        )
-        return tuple(
-            dict.fromkeys(
-                [
-                    *self.lidar,
-                    *(path for paths in self.further_lidars for path in paths),
-                    *self.positions,
-                    *self.inertial,
-                    *self.attitude,
-                    *self.camera,
-                    *(path for path in single if path is not None),
-                ]
-            )
-        )
+        return tuple(dict.fromkeys(_paths(*vars(self).values())))
+
+
+def _paths(*named: Any) -> Iterator[Path]:
+    """The paths in values, and in tuples and tools among them."""
+    for value in named:
+        if isinstance(value, Path):
+            yield value
+        elif value is not None:
+            yield from _paths(*(value if isinstance(value, tuple) else (value.states, value.learned)))
 
 
 class LidarRecording:
