@@ -69,7 +69,7 @@ class Examined:
         """The file."""
         return self.inspection.path
 
-    def gives(self, kind: type[object]) -> bool:
+    def gives(self, kind: type[Reader]) -> bool:
         """Whether it holds what readers of a kind give: containers may hold none of it.
 
         The attitudes beside an IMU's measurements, poses or positions do not count as such.
