@@ -58,7 +58,6 @@ MAY_IMPORT = {
         "furrowmap.core.simulator",
         "furrowmap.core.runtime.errors",
         "furrowmap.core.runtime.progress",
-        "furrowmap.core.runtime.tables",
     ],
     # The pipeline composes the rooms, but not the simulator, nor what judges its results.
     "furrowmap.core.pipeline": [f"furrowmap.core.{room}" for room in ROOMS if room not in {"simulator", "checking"}]

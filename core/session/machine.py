@@ -1,6 +1,7 @@
 """Reading and writing of machines' profiles."""
 
 import datetime as dt
+import json
 import math
 import tomllib
 from dataclasses import dataclass
@@ -10,7 +11,6 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.tables import toml_value
 from furrowmap.core.session.file import FURTHER, MAX_PLACE_M, apart, implement_faults, parse_toml, together
 from furrowmap.core.values.machine import (
     MACHINE_SCHEMA,
@@ -136,6 +136,17 @@ def _fault(value: Any, key: str = "") -> str:
 def stated(value: Any) -> bool:
     """Whether a value of a profile is written: neither nothing nor an empty text nor false; zero is."""
     return value is not None and value is not False and value != ""
+
+
+def toml_value(value: Any) -> str:
+    """A text, a number or a list of these in TOML, which JSON reads as well: so does the form of a session."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml_value, value))}]"
+    return repr(value)
 
 
 def _invalid(name: str, why: str) -> InputError:

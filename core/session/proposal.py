@@ -27,10 +27,9 @@ from furrowmap.core.readers.reader import (
     ReadOptions,
 )
 from furrowmap.core.runtime.errors import InputError, Notice, printable
-from furrowmap.core.runtime.tables import toml_keys, toml_value
 from furrowmap.core.session.examination import Examined, time_matches
 from furrowmap.core.session.flight import LOOKS, FlownMounting, flight_of
-from furrowmap.core.session.machine import stated
+from furrowmap.core.session.machine import stated, toml_value
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.session.trial_files import NO_TRIAL, ImageTable, TrialFiles
 from furrowmap.core.values.clock import iso_utc
@@ -167,7 +166,7 @@ def _lines(part: Any, *names: str) -> str:
     known = {
         "class" if name == "kind" and not hasattr(part, "width_m") else name: getattr(part, name) for name in names
     }
-    return toml_keys({key: value for key, value in known.items() if stated(value)})
+    return "".join(f"{key} = {toml_value(value)}\n" for key, value in known.items() if stated(value))
 
 
 FILL_IN: Final = "FILL-IN"

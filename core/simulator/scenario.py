@@ -2,6 +2,7 @@
 
 import datetime as dt
 import difflib
+import json
 import math
 import re
 import tomllib
@@ -15,7 +16,6 @@ import msgspec
 from msgspec import Meta
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.tables import toml_keys
 
 Vector3: TypeAlias = tuple[float, float, float]
 Box: TypeAlias = tuple[float, float, float, float, float, float]
@@ -633,6 +633,23 @@ def _tables(whole: Mapping[str, Any], above: str) -> list[tuple[str, dict[str, A
                 found.append((above + name, keys))
             found += _tables(value, f"{above}{name}.")
     return found
+
+
+def toml_keys(keys: Mapping[str, Any]) -> str:
+    """The lines of the keys of a table in TOML."""
+    return "".join(f"{key} = {_value(value)}\n" for key, value in keys.items())
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {_value(v)}" for key, v in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_value(v) for v in value) + "]"
+    return repr(value)
 
 
 def _as_builtins(scenario: Scenario) -> dict[str, Any]:

@@ -20,14 +20,20 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.runtime.tables import toml_keys
 from furrowmap.core.simulator.drive import AFTER_S, DRIVE_RATE_HZ, LEAD_IN_S
 from furrowmap.core.simulator.gnss import receive, report, sentences
 from furrowmap.core.simulator.motion import SimulatedMotion, SimulatedMountMotion, mount_rotation, vehicle_rotation
 from furrowmap.core.simulator.noise import Float32Array, FloatArray, band_noise, gauss_markov, random_for
 from furrowmap.core.simulator.rays import Beams, Firings, Met, make_optics, make_scene
 from furrowmap.core.simulator.recording import SCANNERS, World, cast_in_order, record, recording_file, second_file
-from furrowmap.core.simulator.scenario import Flight, Scenario, ScenarioImu, ScenarioLidar, ScenarioLineScanner
+from furrowmap.core.simulator.scenario import (
+    Flight,
+    Scenario,
+    ScenarioImu,
+    ScenarioLidar,
+    ScenarioLineScanner,
+    toml_keys,
+)
 from furrowmap.core.simulator.site import CELL_M, CROP_CELL_M, SimulatedSite, find_site, lay_round
 from furrowmap.core.simulator.soil import Ground, ground_height, make_ground
 from furrowmap.core.simulator.truth import quarters
