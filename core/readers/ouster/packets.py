@@ -150,7 +150,7 @@ class OusterDecoder:
             shift_ns[i:] += change_ns
             counts.jumps.append((float(host_s[i]), change_ns * 1e-9))
         self._shift_ns = int(shift_ns[-1])
-        t_s: FloatArray = (head.stamp_ns - shift_ns) * 1e-9
+        t_s: FloatArray = np.asarray((head.stamp_ns - shift_ns) * 1e-9, np.float64)
         if not counts.packets:
             self._begun = bool(place[0])
         counts.note_times(t_s, host_s)
