@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import rasterio
@@ -14,22 +14,21 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from pyproj.crs import CompoundCRS
 from rasterio.enums import Resampling
-from rasterio.errors import RasterioError
 from rasterio.vrt import WarpedVRT
-from rasterio.windows import Window
 
 from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
+from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.farm.surface_file import (
+    OpenSurface,
     SurfaceFile,
     heights_of,
     horizontal,
     same_map,
     surface_file,
-    unusable,
     warp_options,
 )
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
@@ -37,7 +36,7 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
-from furrowmap.exporters.rasters.windows import enclosing, shared_cells, window, windows
+from furrowmap.exporters.rasters.windows import enclosing, windows
 
 VIRTUAL: Final = ".vrt"
 SUFFIXES: Final = (VIRTUAL, ".tif", ".tiff")
@@ -185,43 +184,12 @@ def grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
     return Grid.of_bounds(cell_m, (west + inset, south + inset, east - inset, north - inset))
 
 
-@dataclass(frozen=True)
-class _Source:
-    """A surface in cells of the mosaic: its own or resampled; `nearest` masks the cells of a bilinear one."""
-
-    raster: Any
-    nearest: Any
-    grid: Grid
-    indexes: Sequence[int]
-    path: Path
-
-    def read(self, tile: Grid) -> tuple[tuple[slice, slice], NDArray[np.float32]] | None:
-        """Rows and columns of the tile that it covers, and its bands (bands, rows, columns) there; nan is nodata."""
-        shared = shared_cells(tile, self.grid)
-        if shared is None:
-            return None
-        part = window(shared, self.grid)
-        try:
-            values = _values(self.raster, self.indexes, part)
-            if self.nearest is not None:
-                values[:, np.isnan(_values(self.nearest, self.indexes[:1], part)[0])] = np.nan
-        except RasterioError as error:
-            raise unusable(self.path, f"is damaged ({error})") from None
-        return shared.window_in(tile), values
-
-
-def _values(raster: Any, indexes: Sequence[int], part: Window) -> NDArray[np.float32]:
-    read = raster.read(list(indexes), window=part, masked=True, out_dtype="float32")
-    values: NDArray[np.float32] = read.filled(np.nan)
-    return values
-
-
 @contextmanager
-def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, indexes: Sequence[int]) -> Iterator[_Source]:
+def _opened(surface: SurfaceFile, crs: CRS, cell_m: float) -> Iterator[OpenSurface]:
     grid = grid_in(surface, crs, cell_m)
     with rasterio.open(surface.path, driver="GTiff") as raster:
         if _fits(surface, crs, cell_m):
-            yield _Source(raster, None, grid, indexes, surface.path)
+            yield OpenSurface(surface.path, raster, grid)
             return
         coarser = cell_m > MIN_MEAN_RATIO * surface.cell_m
         options = warp_options(surface, crs, grid)
@@ -229,7 +197,7 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, indexes: Sequence[int
             WarpedVRT(raster, resampling=Resampling.average if coarser else Resampling.bilinear, **options) as warped,
             WarpedVRT(raster, resampling=Resampling.nearest, **options) as nearest,
         ):
-            yield _Source(warped, None if coarser else nearest, grid, indexes, surface.path)
+            yield OpenSurface(surface.path, warped, grid, None if coarser else nearest)
 
 
 class _OpenSurfaces:
@@ -240,10 +208,10 @@ class _OpenSurfaces:
     ) -> None:
         self._surfaces, self._crs, self._cell_m, self._indexes = surfaces, crs, cell_m, indexes
         self._tree = shapely.STRtree([shapely.box(*grid_in(surface, crs, cell_m).bounds_m) for surface in surfaces])
-        self._open: OrderedDict[int, tuple[ExitStack, _Source]] = OrderedDict()
+        self._open: OrderedDict[int, tuple[ExitStack, OpenSurface]] = OrderedDict()
 
-    def over(self, tile: Grid, *, latest_first: bool) -> Iterator[_Source]:
-        """The surfaces that may cover a tile, by the order of their sessions."""
+    def over(self, tile: Grid, *, latest_first: bool) -> Iterator[Float32Array]:
+        """The bands (bands, rows, columns) of the surfaces that may cover a tile, by the order of their sessions."""
         rows = np.sort(self._tree.query(shapely.box(*tile.bounds_m))).tolist()
         for row in reversed(rows) if latest_first else rows:
             if row in self._open:
@@ -252,9 +220,8 @@ class _OpenSurfaces:
                 if len(self._open) >= MAX_OPEN_SURFACES:
                     self._open.popitem(last=False)[1][0].close()
                 stack = ExitStack()
-                source = _opened(self._surfaces[row], self._crs, self._cell_m, self._indexes[row])
-                self._open[row] = stack, stack.enter_context(source)
-            yield self._open[row][1]
+                self._open[row] = stack, stack.enter_context(_opened(self._surfaces[row], self._crs, self._cell_m))
+            yield self._open[row][1].read_bands(tile, self._indexes[row])
 
     def close(self) -> None:
         """Close all files."""
@@ -262,29 +229,22 @@ class _OpenSurfaces:
             self._open.popitem()[1][0].close()
 
 
-def _latest(sources: _OpenSurfaces, tile: Grid, count: int) -> list[NDArray[np.float32]]:
+def _latest(sources: _OpenSurfaces, tile: Grid, count: int) -> list[Float32Array]:
     values = np.full((count, *tile.shape), np.nan, np.float32)
-    for source in sources.over(tile, latest_first=True):
+    for theirs in sources.over(tile, latest_first=True):
+        free = np.isnan(values[0]) & ~np.isnan(theirs[0])
+        values[:, free] = theirs[:, free]
         if not np.isnan(values[0]).any():
             break
-        found = source.read(tile)
-        if found is not None:
-            (rows, columns), theirs = found
-            mine = values[:, rows, columns]
-            free = np.isnan(mine[0]) & ~np.isnan(theirs[0])
-            mine[:, free] = theirs[:, free]
     return list(values)
 
 
-def _mean(sources: _OpenSurfaces, tile: Grid) -> list[NDArray[np.float32]]:
+def _mean(sources: _OpenSurfaces, tile: Grid) -> list[Float32Array]:
     total, number = np.zeros(tile.shape), np.zeros(tile.shape, np.float32)
-    for source in sources.over(tile, latest_first=False):
-        found = source.read(tile)
-        if found is not None:
-            place, theirs = found
-            known = ~np.isnan(theirs[0])
-            total[place] += np.where(known, theirs[0], 0.0)
-            number[place] += known
+    for theirs in sources.over(tile, latest_first=False):
+        known = ~np.isnan(theirs[0])
+        total += np.where(known, theirs[0], 0.0)
+        number += known
     with np.errstate(invalid="ignore"):
         heights = np.where(number > 0, total / number, np.nan)
     return [heights.astype(np.float32), np.where(number > 0, number, np.float32(np.nan))]

@@ -1,19 +1,24 @@
-"""The metadata of a surface's GeoTIFF that a mosaic needs."""
+"""Surfaces in GeoTIFFs: their metadata, and their values on the cells of a grid."""
 
 import datetime as dt
 import math
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from pyproj import CRS
+from rasterio.errors import RasterioError
 from rasterio.transform import Affine
 
 from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.rasters.cog import Band
+from furrowmap.exporters.rasters.windows import shared_cells, window
 
 _OFF_CELLS: Final = 1e-3
 """Tolerance of a raster's bounds in cells, as its numbers are rounded."""
@@ -63,6 +68,45 @@ def surface_file(path: Path) -> SurfaceFile:
             first, last = (dt.datetime.fromisoformat(raster.tags()[name]) for name in ("TIME_START", "TIME_END"))
             span_s = first.timestamp(), last.timestamp()
         return SurfaceFile(path.resolve(), crs, width, tuple(raster.bounds), grid, bands, raster.nodata, span_s)
+
+
+@dataclass(frozen=True)
+class OpenSurface:
+    """An open surface in the cells of a grid: its own, or resampled; `nearest` masks the cells of a bilinear one."""
+
+    path: Path
+    raster: Any
+    grid: Grid
+    nearest: Any = None
+
+    def read(self, part: Grid, band: int = 1) -> Float32Array:
+        """A band, by default the heights, on the cells of `part`: nan beside the raster, and without such a band."""
+        if band <= self.raster.count:
+            return self.read_bands(part, [band])[0]
+        return np.full(part.shape, np.nan, np.float32)
+
+    def read_bands(self, part: Grid, bands: Sequence[int]) -> Float32Array:
+        """Bands (bands, rows, columns) on the cells of `part`, nan where there is no value."""
+        out = np.full((len(bands), *part.shape), np.nan, np.float32)
+        shared = shared_cells(part, self.grid)
+        if shared is not None:
+            options = {"window": window(shared, self.grid), "masked": True, "out_dtype": "float32"}
+            try:
+                values = self.raster.read(list(bands), **options).filled(np.nan)
+                if self.nearest is not None:
+                    values[:, np.isnan(self.nearest.read(bands[0], **options).filled(np.nan))] = np.nan
+            except RasterioError as error:
+                raise unusable(self.path, f"is damaged ({error})") from None
+            out[:, *shared.window_in(part)] = values
+        return out
+
+
+@contextmanager
+def open_surface(file: SurfaceFile) -> Iterator[OpenSurface]:
+    """Open a surface whose cells are anchored."""
+    assert file.grid is not None
+    with open_geotiff(file.path, unusable) as raster:
+        yield OpenSurface(file.path, raster, file.grid)
 
 
 def warp_options(file: SurfaceFile, crs: CRS, grid: Grid) -> dict[str, Any]:

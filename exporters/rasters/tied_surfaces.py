@@ -14,7 +14,6 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 from rasterio.enums import Resampling
-from rasterio.errors import RasterioError
 from rasterio.features import geometry_mask
 from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
@@ -28,11 +27,11 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.mean_change import ChangeSums, MeanChange
 from furrowmap.core.surfaces.moved_surface import move_surface, reach_cells
 from furrowmap.core.work.field_surfaces import BESIDE_M
-from furrowmap.exporters.farm.surface_file import SurfaceFile, surface_file, unusable, warp_options
+from furrowmap.exporters.farm.surface_file import OpenSurface, SurfaceFile, surface_file, unusable, warp_options
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder
 from furrowmap.exporters.rasters.cog import CHANGE_BANDS, HEIGHT_BAND, STANDARD_ERROR_BAND, cog_output
-from furrowmap.exporters.rasters.windows import shared_cells, window, windows
+from furrowmap.exporters.rasters.windows import shared_cells, windows
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, numbers, texts
 
 MIN_MOVE_SIGMA: Final = np.array([0.01, 0.01, 0.02, 1e-3, 1e-3, 2e-3])
@@ -46,7 +45,6 @@ _SIGMA_COLUMNS: Final = (
     "sigma_heading_deg",
 )
 _UNKNOWN_SIGMA: Final = np.array([0.05, 0.05, 0.1, 5e-3, 5e-3, 1e-2])
-HEIGHT_INDEX: Final = 1
 RETURNS_INDEX: Final = 2
 SPREAD_INDEX: Final = 3
 ERROR_INDEX: Final = 4
@@ -106,35 +104,6 @@ def _sigma(result: ResultFolder) -> FloatArray:
     found[3:5] = np.hypot(*found[3:5])  # roll and pitch are of the vehicle, whatever its heading
     out: FloatArray = np.maximum(np.where(np.isfinite(found), found, _UNKNOWN_SIGMA), MIN_MOVE_SIGMA)
     return out
-
-
-@dataclass(frozen=True)
-class OpenSurface:
-    """An open raster of one grid."""
-
-    path: Path
-    raster: Any
-    grid: Grid
-
-    def read(self, part: Grid, band: int = HEIGHT_INDEX) -> Float32Array:
-        """A band on the cells of `part`: nan beside the raster, and everywhere where the file has no such band."""
-        out = np.full(part.shape, np.nan, np.float32)
-        shared = shared_cells(part, self.grid)
-        if shared is not None and band <= self.raster.count:
-            try:
-                values = self.raster.read(band, window=window(shared, self.grid), masked=True, out_dtype="float32")
-            except RasterioError as error:
-                raise unusable(self.path, f"is damaged ({error})") from None
-            out[shared.window_in(part)] = values.filled(np.nan)
-        return out
-
-
-@contextmanager
-def open_surface(file: SurfaceFile) -> Iterator[OpenSurface]:
-    """Open a surface whose cells are anchored."""
-    assert file.grid is not None
-    with open_geotiff(file.path, unusable) as raster:
-        yield OpenSurface(file.path, raster, file.grid)
 
 
 @contextmanager

@@ -31,7 +31,7 @@ from furrowmap.core.surfaces.moved_surface import move_places
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.scan import PointClass
 from furrowmap.core.work.field_surfaces import BESIDE_M
-from furrowmap.exporters.farm.surface_file import heights_of, same_map, surface_file
+from furrowmap.exporters.farm.surface_file import OpenSurface, heights_of, open_surface, same_map, surface_file
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
@@ -41,10 +41,8 @@ from furrowmap.exporters.rasters.tied_surfaces import (
     ChangeFigures,
     DatedSurface,
     Mover,
-    OpenSurface,
     dated_surface,
     ground_pairs,
-    open_surface,
     resample_surface,
     tie_layers,
     union_shapes,

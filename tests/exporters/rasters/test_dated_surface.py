@@ -12,7 +12,7 @@ import shapely
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.farm.surface_file import surface_file
+from furrowmap.exporters.farm.surface_file import open_surface, surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import ResultFolder, open_result
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Bands, with_heights
@@ -21,7 +21,6 @@ from furrowmap.exporters.rasters.tied_surfaces import (
     SPREAD_INDEX,
     cells_inside,
     dated_surface,
-    open_surface,
     resample_surface,
 )
 from furrowmap.exporters.vectors.geopackage import write_field

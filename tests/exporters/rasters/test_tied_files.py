@@ -13,16 +13,14 @@ import shapely
 
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.mean_change import HIDDEN_SHARE
-from furrowmap.exporters.farm.surface_file import surface_file
+from furrowmap.exporters.farm.surface_file import OpenSurface, open_surface, surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import tied_surfaces
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, with_heights
 from furrowmap.exporters.rasters.tied_surfaces import (
     ChangedGround,
     Mover,
-    OpenSurface,
     ground_pairs,
-    open_surface,
     union_shapes,
     write_change,
     write_moved,
