@@ -1,6 +1,5 @@
 """The layers of `field.gpkg` in vector formats of other programs, KML for Google Earth among them."""
 
-import csv
 import datetime as dt
 import errno
 import io
@@ -32,7 +31,7 @@ from furrowmap.core.runtime.file_names import inside
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output, name_failed_file
-from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.csv_cells import write_csv
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, TRAJECTORY
 from furrowmap.exporters.files.staging import staged_folder
@@ -340,17 +339,7 @@ def _write_csv(path: Path, layer: VectorLayer) -> None:
             table["h_m"] = z.round(4)
     else:
         table["wkt"] = shapely.to_wkt(layer.shapes, rounding_precision=DIGITS_DEG if geographic else 4)
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(map(cell, table))
-        writer.writerows(zip(*(_cells(values) for values in table.values()), strict=True))
-
-
-def _cells(values: NDArray[Any]) -> list[object]:
-    """A column as cells of a CSV; empty ones where nothing is known."""
-    if values.dtype.kind == "f":
-        return ["" if np.isnan(value) else str(value) for value in values]
-    return ["" if value is None else cell(value) for value in values]
+    write_csv(path, table, zip(*table.values(), strict=True))
 
 
 FORMATS: Final[Mapping[str, VectorFormat]] = {

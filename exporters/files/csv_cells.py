@@ -3,9 +3,11 @@
 import csv
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from furrowmap.core.runtime.errors import InputError, printable
 from furrowmap.exporters.files.atomic import atomic_output
@@ -27,12 +29,21 @@ def cell(value: object) -> object:
     return f"'{text}" if text[:1] in _FORMULA and not _PLAIN_NUMBER.fullmatch(text) else text
 
 
-def write_csv_table(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write these columns of rows as a CSV, in place of an older file."""
+def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a CSV in place of an older file; None and a number that is not known are empty cells."""
     with atomic_output(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, extrasaction="ignore")
-        writer.writeheader()
-        writer.writerows({name: cell(value) for name, value in row.items()} for row in rows)
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(map(cell, columns))
+        table.writerows(map(_known, row) for row in rows)
+
+
+def write_csv_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write these columns of rows as :func:`write_csv`."""
+    write_csv(path, columns, ([row.get(name) for name in columns] for row in rows))
+
+
+def _known(value: object) -> object:
+    return None if isinstance(value, float | np.floating) and not math.isfinite(value) else cell(value)
 
 
 Rows = Sequence[Mapping[str, Any]]
@@ -59,8 +70,7 @@ def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:
         columns = list(dict.fromkeys(column for row in rows for column in row))
         sheet.append([cell(column) for column in columns])
         for row in rows:
-            values = [row.get(column) for column in columns]
-            sheet.append([None if isinstance(v, float) and not math.isfinite(v) else cell(v) for v in values])
+            sheet.append([_known(row.get(column)) for column in columns])
         for head in sheet[1]:
             head.font = Font(bold=True)
             sheet.column_dimensions[head.column_letter].width = max(10, len(str(head.value)) + 2)

@@ -1,6 +1,5 @@
 """The results of GNSS evaluations as figures and as tables."""
 
-import csv
 import math
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
@@ -12,7 +11,7 @@ import numpy as np
 from furrowmap.core.checking.evaluation import DEFINITIONS, QUANTILES, ErrorStatistics, Evaluation
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
-from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.csv_cells import write_csv
 
 EPOCH_COLUMNS: Final = (
     "service", "time", "t_s", "x_m", "y_m", "z_m", "error_2d_m", "error_3d_m", "along_m", "across_m", "speed_mps",
@@ -49,12 +48,9 @@ def table_rows(evaluations: Mapping[str, Evaluation]) -> Iterator[dict[str, Any]
 
 def write_table(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
     """Write the rows of :func:`table_rows` as CSV; unknown values are empty."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        for number, row in enumerate(table_rows(evaluations)):
-            if not number:
-                table.writerow(row)
-            table.writerow([_cell(value) if isinstance(value, float) else cell(value) for value in row.values()])
+    rows = list(table_rows(evaluations))
+    cells = ([_cell(value) if isinstance(value, float) else value for value in row.values()] for row in rows)
+    write_csv(path, rows[0], cells)
 
 
 def _figures(found: Evaluation) -> dict[str, Any]:
@@ -109,11 +105,8 @@ def _figures(found: Evaluation) -> dict[str, Any]:
 
 def write_epochs(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
     """Write a row for each compared epoch of each service; unknown values are empty."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(EPOCH_COLUMNS)
-        for service, found in evaluations.items():
-            table.writerows([cell(service), *row] for row in _epochs(found))
+    rows = ([service, *row] for service, found in evaluations.items() for row in _epochs(found))
+    write_csv(path, EPOCH_COLUMNS, rows)
 
 
 def _epochs(found: Evaluation) -> Iterator[list[Any]]:

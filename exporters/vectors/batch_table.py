@@ -1,6 +1,5 @@
 """The table of a batch: a row for each session, as CSV and as layers of a GeoPackage."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.batch_state import SessionOutcome
-from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.csv_cells import write_csv
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, hull, numbers, texts, track_lines
 from furrowmap.exporters.vectors.geopackage import write_layer
 
@@ -63,18 +62,19 @@ def outlines(layers: Mapping[str, Any], frame: MapFrame) -> tuple[str, str]:
 
 def write_table(folder: Path, rows: Sequence[Row]) -> None:
     """Write :data:`BATCH_TABLE`."""
-    head = ("name", "status", "session", "field", *BATCH_FIGURES, "warnings", "run_s", "processor_s", "peak_mb", "code")
-    with atomic_output(folder / BATCH_TABLE) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([*head, "error", "file"])
-        for row in rows:
-            failure = row.outcome.failure
-            figures = row.outcome.figures
-            values = [row.name, row.status, figures.get("session", ""), row.field]
-            values += [figures.get(name, "") for name in (*BATCH_FIGURES, "warnings")]
-            values += [row.outcome.seconds, row.outcome.processor_s, row.outcome.peak_mb]
-            values += [failure.code, " ".join(failure.lines)] if failure is not None else ["", ""]
-            writer.writerow([cell(value) for value in (*values, row.file)])
+    columns = (
+        *("name", "status", "session", "field", *BATCH_FIGURES, "warnings"),
+        *("run_s", "processor_s", "peak_mb", "code", "error", "file"),
+    )
+    write_csv(folder / BATCH_TABLE, columns, map(_cells, rows))
+
+
+def _cells(row: Row) -> list[object]:
+    outcome, figures = row.outcome, row.outcome.figures
+    failure = (outcome.failure.code, " ".join(outcome.failure.lines)) if outcome.failure is not None else ("", "")
+    values = [row.name, row.status, figures.get("session"), row.field]
+    values += [figures.get(name) for name in (*BATCH_FIGURES, "warnings")]
+    return [*values, outcome.seconds, outcome.processor_s, outcome.peak_mb, *failure, row.file]
 
 
 def write_layers(folder: Path, rows: Sequence[Row]) -> None:

@@ -1,9 +1,8 @@
 """Parcels and stands: layers of heights, growth and canopy, their tables, and the gross parcels as a file."""
 
-import csv
 import datetime as dt
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,7 +19,7 @@ from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.csv_cells import cell, write_workbook
+from furrowmap.exporters.files.csv_cells import write_csv, write_csv_table, write_workbook
 from furrowmap.exporters.files.vector_layers import write_vector_layer
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts
 
@@ -109,29 +108,23 @@ def _attribute_columns(parcels: Sequence[Parcel], columns: Columns) -> Columns:
 
 def write_parcel_table(path: Path, layer: Layer) -> None:
     """Write the columns of a layer of parcels as CSV; what is not known is empty."""
-    rows = (_cells(layer, row).values() for row in range(len(layer.shapes)))
-    _write_csv(path, [[cell(name) for name in layer.columns], *rows])
+    write_csv_table(path, list(layer.columns), (_cells(layer, row) for row in range(len(layer.shapes))))
 
 
 def write_parcel_sheet(path: Path, layer: Layer) -> None:
     """Write the columns of a layer of parcels as a spreadsheet (xlsx), numbers as numbers, if openpyxl is installed."""
     if find_spec("openpyxl") is not None:
-        rows = [_cells(layer, row) for row in range(len(layer.shapes))]
-        write_workbook(path, {PARCELS_LAYER: [{k: None if v == "" else v for k, v in row.items()} for row in rows]})
+        write_workbook(path, {PARCELS_LAYER: [_cells(layer, row) for row in range(len(layer.shapes))]})
 
 
 def write_profiles(path: Path, stands: Sequence[Stand], layer_m: float) -> None:
     """Write the share of returns by layer as CSV: a row per layer of each stand."""
-    rows: list[Iterable[object]] = [["id", "from_m", "to_m", "share"]]
-    for stand in stands:
-        for k, share in enumerate(stand.profile):
-            rows.append([cell(stand.id), f"{k * layer_m:.10g}", f"{(k + 1) * layer_m:.10g}", f"{share:.6f}"])
-    _write_csv(path, rows)
-
-
-def _write_csv(path: Path, rows: Iterable[Iterable[object]]) -> None:
-    with atomic_output(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(rows)
+    rows = [
+        (stand.id, f"{k * layer_m:.10g}", f"{(k + 1) * layer_m:.10g}", f"{share:.6f}")
+        for stand in stands
+        for k, share in enumerate(stand.profile)
+    ]
+    write_csv(path, ("id", "from_m", "to_m", "share"), rows)
 
 
 def _cells(layer: Layer, row: int) -> dict[str, object]:
@@ -139,14 +132,12 @@ def _cells(layer: Layer, row: int) -> dict[str, object]:
     cells: dict[str, object] = {}
     for name, values in layer.columns.items():
         value: Any = values[row]
-        if value is None or (isinstance(value, float) and not np.isfinite(value)):
-            cells[name] = ""
-        elif isinstance(value, np.bool_):
+        if isinstance(value, np.bool_):
             cells[name] = "yes" if value else "no"
         elif isinstance(value, np.floating):
             cells[name] = round(float(value), _TABLE_DIGITS.get(name.rpartition("_")[2], 4))
         else:
-            cells[name] = cell(value.item() if isinstance(value, np.generic) else value)
+            cells[name] = value.item() if isinstance(value, np.generic) else value
     return cells
 
 

@@ -1,6 +1,5 @@
 """The response of a trial to its treatments, from tables of its parcels."""
 
-import csv
 import datetime as dt
 import math
 from collections.abc import Sequence
@@ -37,7 +36,7 @@ from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.files.csv_cells import cell, write_workbook
+from furrowmap.exporters.files.csv_cells import write_csv_table, write_workbook
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.reports.trial_charts import ParcelValues, category_chart, response_chart, standalone
 from furrowmap.settings import ResponseSettings
@@ -107,7 +106,7 @@ def response(
     with staged_folder(folder) as staging:
         for name, chart in charts.items():
             (staging / name).write_text(standalone(chart, language_of_user()), encoding="utf-8")
-        _write_csv(staging / "trial.csv", rows)
+        write_csv_table(staging / "trial.csv", list(dict.fromkeys(name for row in rows for name in row)), rows)
         if find_spec("openpyxl") is not None:
             sheets = {"parcels": rows}
             if last.variance is not None:
@@ -209,18 +208,6 @@ def _rows(flights: Sequence[_Flight], measure: str, growth: Sequence[Growth]) ->
             row["growth_sigma_m_day"] = own.sigma_m_day if own is not None else None
         rows.append(row)
     return rows
-
-
-def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    with path.open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow([cell(name) for name in columns])
-        for row in rows:
-            values = (row.get(name) for name in columns)
-            table.writerow(
-                ["" if v is None or (isinstance(v, float) and not math.isfinite(v)) else cell(v) for v in values]
-            )
 
 
 def _charts(last: _Flight, measure: str, dose: str | None, growth: Sequence[Growth]) -> dict[str, str]:
