@@ -34,7 +34,7 @@ from furrowmap.exporters.files.qgis_project import (
 )
 from furrowmap.exporters.share.points import CLASS_COLOURS
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, FARM_LABELS, FARM_LAYER_NAMES, VALUES
-from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_language, in_local_times, with_words
+from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, with_words
 
 PROJECT: Final = "furrowmap"
 """Its name in the farm map."""
@@ -209,11 +209,9 @@ def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSessio
     found = {name: text for name in layers if (text := _packaged(name)) is not None}
     if _BY_DATE in found:
         found[_BY_DATE] = _by_date(found[_BY_DATE], [session.date for session in sessions])
-    found = {name: in_language(text, language_of_user()) for name, text in found.items()}
-    clocks = _clocks(sessions)
-    if clocks:
-        found = {name: in_local_times(text, clocks) for name, text in found.items()}
     language, aliases = language_of_user(), {**COLUMN_LABELS, **FARM_LABELS}
+    clocks = _clocks(sessions)
+    found = {name: finished_style(text, language, clocks) for name, text in found.items()}
     plain = {name: labels for name, labels in VALUES.items() if name != "implement"}
     return {
         name: with_words(found.get(name, _BARE), sorted(fields), language, report=False, aliases=aliases, values=values)

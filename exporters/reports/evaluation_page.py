@@ -14,15 +14,13 @@ from furrowmap.core.checking.evaluation import DEFINITIONS, QUANTILES, ErrorTabl
 from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.json_text import json_text
-from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.earth import earth_centred_m, east_north_up, geodetic
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports import evaluation_drawings
 from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs, write_table
-from furrowmap.exporters.reports.page_language import in_language
-from furrowmap.exporters.reports.pages import render
+from furrowmap.exporters.reports.pages import render, write_html
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts, times
 from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.exporters.vectors.qgis_styles import StyleClock
@@ -43,8 +41,7 @@ def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, ove
         write_epochs(staging / "epochs.csv", evaluations)
         clock = StyleClock(_zone(evaluations), *_span_s(evaluations))
         write_styled_layers(staging / "evaluation.gpkg", gnss_layers(evaluations), "EPSG:4326", clock=clock)
-        shown = in_language(page(evaluations), language_of_user())
-        (staging / "evaluation.html").write_text(shown, encoding="utf-8", errors="xmlcharrefreplace")
+        write_html(staging / "evaluation.html", page(evaluations))
 
 
 def page(evaluations: Mapping[str, Evaluation]) -> str:

@@ -18,9 +18,11 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 
 from furrowmap.core.geodesy.local_time import clock_words, in_local_time
 from furrowmap.core.runtime.errors import RefusedError, printable
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.reports.area_units import area, work_rate
+from furrowmap.exporters.reports.area_units import HECTARE, area, in_area_unit, work_rate
+from furrowmap.exporters.reports.page_language import in_language
 
 BROWSER_VARIABLE: Final = "FURROWMAP_BROWSER"
 """Variable of the environment with the path of a browser of the Chromium family."""
@@ -72,6 +74,13 @@ def write_pdf(path: Path, page: str) -> None:
         if failure:
             raise RefusedError("browser-missing.write-pdf", program=program, failure=failure)
         shutil.copyfile(printed, unfinished)
+
+
+def write_html(path: Path, page: str, language: str | None = None, area_unit: str = HECTARE) -> None:
+    """Write a page of ours in a language, by default the user's, and with areas in a unit."""
+    text = in_language(in_area_unit(page, area_unit), language or language_of_user())
+    with atomic_output(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8", errors="xmlcharrefreplace", newline="")
 
 
 _FOLDERS: Final = ("reports/templates", "share")

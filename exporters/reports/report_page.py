@@ -19,14 +19,11 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan import PointClass
 from furrowmap.core.work.model import SeenImplement
 from furrowmap.exporters.cloud.writer import CopcSummary
-from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
 from furrowmap.exporters.rasters.relief import shaded_ground
 from furrowmap.exporters.reports import drawings
-from furrowmap.exporters.reports.area_units import in_area_unit
 from furrowmap.exporters.reports.drawings import padded_bounds
-from furrowmap.exporters.reports.page_language import in_language
-from furrowmap.exporters.reports.pages import render
+from furrowmap.exporters.reports.pages import render, write_html
 from furrowmap.exporters.reports.run_report import points_by_class, scanners, verdict
 from furrowmap.exporters.reports.svg import WIDTH, Sheet, drawing, element, image, label, mixed_colour, turned_label
 from furrowmap.exporters.reports.trial_charts import ParcelValues, response_chart
@@ -186,9 +183,7 @@ def write_page(
         max_rows=MAX_ROWS,
     )
     report = found.session.report
-    page = in_language(in_area_unit(page, report.area_unit), language_of_user(report.language))
-    with atomic_output(path) as unfinished:
-        unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+    write_html(path, page, language_of_user(report.language), report.area_unit)
 
 
 def _strip_graphs(found: RunResult) -> Iterator[tuple[Markup, str]]:

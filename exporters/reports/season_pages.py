@@ -2,7 +2,6 @@
 
 import datetime as dt
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -10,12 +9,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import REPORT_PAGE
-from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.drawings import MAP_MARGIN_M, padded_bounds
-from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.pages import days_words, render
 from furrowmap.exporters.reports.svg import Sheet
 from furrowmap.exporters.vectors.batch_table import BATCH_LAYERS, BATCH_TABLE, Row
@@ -83,13 +78,6 @@ def tie_page(account: Mapping[str, Any]) -> str:
 BATCH_PAGE: Final = "batch.html"
 MAX_SESSIONS: Final = 2000
 """Sessions that the page lists; the table has all."""
-
-
-def write_batch_page(folder: Path, rows: Sequence[Row]) -> None:
-    """Write :data:`BATCH_PAGE` in the user's language."""
-    text = in_language(in_area_unit(batch_page(rows), HECTARE), language_of_user())
-    with atomic_output(folder / BATCH_PAGE) as unfinished:
-        unfinished.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
 
 
 def batch_page(rows: Sequence[Row]) -> str:

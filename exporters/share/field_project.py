@@ -36,7 +36,7 @@ from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.features import HIDDEN_AT_FIRST, moment_s
 from furrowmap.exporters.share.shown_layers import JAPANESE, RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.vectors.labels import SHARED_LAYERS
-from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_language, in_local_times, naming_tools, with_words
+from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, in_language, with_words
 
 PROJECT_FILE: Final = "field.qgs"
 FIELD_PRODUCTS: Final = (PROJECT_FILE, FIELD)
@@ -65,11 +65,10 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         kind = str(about["geometry_type"])
         source = f"./{FIELD}|layername={name}"
         title = _in(language, SHARED_LAYERS.get(name, name.replace("_", " ")))
-        style = _style(f"{name}.qml", language)
-        if style is not None:
-            fields = about["fields"].tolist()
-            style = in_local_times(style, [clock])
-            style = with_words(naming_tools(style) if "tool" in fields else style, fields, language, report=False)
+        style, fields = None, about["fields"].tolist()
+        if f"{name}.qml" in packaged_styles():
+            style = finished_style(packaged_style(f"{name}.qml"), language, [clock], tools="tool" in fields)
+            style = with_words(style, fields, language, report=False)
         if name == PASSES and style is not None and (result.folder / CHANGE).is_file():
             style = style.replace('name="style" type="QString" value="solid"', HATCHED)
         layer = ProjectLayer(name, kind, source, "ogr", style, title, read_only=True)

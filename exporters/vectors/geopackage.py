@@ -1,7 +1,7 @@
 """Writing and reading layers of a GeoPackage, and `field.gpkg` with its styles."""
 
 import sqlite3
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packa
 from furrowmap.exporters.files.vector_layers import UTC_OFFSET, pyogrio, unflushed
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
 from furrowmap.exporters.vectors.labels import LAYER_NAMES
-from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_language, in_local_times, naming_tools, with_words
+from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, with_words
 
 PAGE_BYTES: Final = 1024
 """Page size of the file: a few rows of `trajectory`."""
@@ -63,9 +63,7 @@ def write_field(
     ]
     with atomic_output(path) as unfinished, unflushed():
         clock = StyleClock(zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
-        fields = {layer.name: tuple(layer.columns) for layer in layers} if path.name == FIELD else None
-        tools = [layer.name for layer in layers if "tool" in layer.columns]
-        write_styled_layers(unfinished, layers, crs, origin, clock, fields=fields, several_tools=tools)
+        write_styled_layers(unfinished, layers, crs, origin, clock, of_run=path.name == FIELD)
         with closing(sqlite3.connect(unfinished)) as database:
             database.execute("PRAGMA synchronous=OFF")
             database.execute(f"PRAGMA page_size={PAGE_BYTES}")  # outlines and empty tables leave less of it unused
@@ -86,14 +84,13 @@ def write_styled_layers(
     origin: Origin | None = None,
     clock: StyleClock | None = None,
     *,
-    fields: Mapping[str, Sequence[str]] | None = None,
-    several_tools: Collection[str] = (),
+    of_run: bool = False,
 ) -> None:
     """Write layers into a new GeoPackage, the topmost of a map first, and their styles as :func:`write_styles` does."""
     for layer in layers:
         first = None if path.exists() else origin
         write_layer(path, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
-    write_styles(path, [layer.name for layer in layers], clock, fields=fields, several_tools=several_tools)
+    write_styles(path, {layer.name: tuple(layer.columns) for layer in layers}, clock, of_run=of_run)
 
 
 def write_layer(
@@ -153,31 +150,26 @@ def _typed(values: NDArray[Any], dtype: str) -> NDArray[Any]:
 
 
 def write_styles(
-    path: Path,
-    layers: Sequence[str],
-    clock: StyleClock | None = None,
-    *,
-    fields: Mapping[str, Sequence[str]] | None = None,
-    several_tools: Collection[str] = (),
+    path: Path, fields: Mapping[str, Sequence[str]], clock: StyleClock | None = None, *, of_run: bool = False
 ) -> None:
     """Store the packaged style of each layer for QGIS: the default one in the language of the user, and the others.
 
     Args:
+        fields: of each layer; one of several tools is named by the field `tool`.
         clock: of the times in map tips; None for UTC.
-        fields: of each layer of a run, for the words and actions of its table; None for neither.
-        several_tools: layers whose features are of one of several tools, which their field `tool` names.
+        of_run: add words and actions for the tables of a run's layers.
     """
-    own = language_of_user()
-    packaged = packaged_styles()
-    styles = {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged}
+    own, packaged = language_of_user(), packaged_styles()
+    clocks = [clock] if clock is not None else []
     for language in (own, *(other for other in LANGUAGES if other != own)):
-        ours = {name: in_language(style, language) for name, style in styles.items()}
-        if clock is not None:
-            ours = {name: in_local_times(style, [clock]) for name, style in ours.items()}
-        ours = {name: naming_tools(style) if name in several_tools else style for name, style in ours.items()}
-        if fields is not None:
-            ours = {n: with_words(style, fields[n], language, report=True) for n, style in ours.items()}
-        store_styles(path, ours, append=language != own, language="" if language == own else language)
+        styles = {
+            name: finished_style(packaged_style(f"{name}.qml"), language, clocks, tools="tool" in columns)
+            for name, columns in fields.items()
+            if f"{name}.qml" in packaged
+        }
+        if of_run:
+            styles = {name: with_words(style, fields[name], language, report=True) for name, style in styles.items()}
+        store_styles(path, styles, append=language != own, language="" if language == own else language)
 
 
 def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False, language: str = "") -> None:

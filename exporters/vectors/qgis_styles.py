@@ -101,6 +101,13 @@ def _actions(language: str) -> str:
     )
 
 
+def finished_style(style: str, language: str, clocks: Sequence["StyleClock"], *, tools: bool = False) -> str:
+    """A packaged style in a language, with local times if there are clocks, and with names of several tools."""
+    style = in_language(style, language)
+    style = in_local_times(style, clocks) if clocks else style
+    return naming_tools(style) if tools else style
+
+
 def in_language(style: str, language: str) -> str:
     """A packaged style (QML) in another language; what the catalogue does not know stays English.
 

@@ -33,7 +33,8 @@ from furrowmap.exporters.files.batch_state import (
 from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.lease import hold_lease, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
-from furrowmap.exporters.reports.season_pages import BATCH_PAGE, write_batch_page
+from furrowmap.exporters.reports.pages import write_html
+from furrowmap.exporters.reports.season_pages import BATCH_PAGE, batch_page
 from furrowmap.exporters.vectors.batch_table import (
     BATCH_FIGURES,
     BATCH_LAYERS,
@@ -307,7 +308,7 @@ class _Batch:
         if plan.due or plan.failures or not all((self.results / name).is_file() for name in tables):
             write_table(self.results, summary.sessions)
             write_layers(self.results, summary.sessions)
-            write_batch_page(self.results, summary.sessions)
+            write_html(self.results / BATCH_PAGE, batch_page(summary.sessions))
             for name in tables if self.url else ():
                 Store(self.url).write(name, (self.results / name).read_bytes())
         return summary

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.farm.memory import FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import TRACKS
 from furrowmap.exporters.farm.traffic import FarmTraffic, write_traffic
-from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
+from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.csv_cells import write_csv_table
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
-from furrowmap.exporters.reports.page_language import in_language
+from furrowmap.exporters.reports.pages import write_html
 from furrowmap.exporters.reports.season_pages import history_page
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.settings import TrafficSettings
@@ -136,9 +134,7 @@ def field_history(
         write_csv_table(target, VISIT_COLUMNS[1:], by_visit)
     elif target is not None:
         page = history_page(chosen_row, fields.shapes[row], by_season, by_visit, visits.shapes[own_visits])
-        text = in_language(in_area_unit(page, HECTARE), language or language_of_user())
-        with atomic_output(target) as unfinished:
-            unfinished.write_text(text, encoding="utf-8", newline="")
+        write_html(target, page, language)
     return FieldHistory(target, chosen_row, by_season, by_visit)
 
 

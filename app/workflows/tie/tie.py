@@ -25,7 +25,6 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.moved_surface import move_places
 from furrowmap.core.values.crs import name_of
@@ -49,8 +48,7 @@ from furrowmap.exporters.rasters.tied_surfaces import (
     write_change,
     write_moved,
 )
-from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
-from furrowmap.exporters.reports.page_language import in_language
+from furrowmap.exporters.reports.pages import write_html
 from furrowmap.exporters.reports.season_pages import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
 from furrowmap.settings import TieSettings
@@ -296,8 +294,7 @@ def _write(
         "products": sorted([*(path.name for path in staging.iterdir()), TIE_REPORT, TIE_PAGE]),
     }
     account = dict(plain(content))
-    page = in_language(in_area_unit(tie_page(account), HECTARE), language_of_user())
-    (staging / TIE_PAGE).write_text(page, encoding="utf-8")
+    write_html(staging / TIE_PAGE, tie_page(account))
     (staging / TIE_REPORT).write_text(json_text(account), encoding="utf-8")
     return account
 
