@@ -1,6 +1,7 @@
 """What farm maps in GeoPackages and in PostGIS have in common: sessions, settings, types of columns."""
 
 import datetime as dt
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
@@ -94,6 +95,16 @@ def chosen_columns(layer: Layer, columns: Sequence[str]) -> Layer:
         return np.asarray(values, object)
 
     return replace(layer, columns={name: column(name) for name in columns})
+
+
+def content_hash(content: str | bytes) -> str:
+    """The hash that is kept of a style or project as it was stored, to detect later changes by a user."""
+    return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()
+
+
+def is_due(stored: str | bytes | None, new: str | bytes, kept_hash: str | None) -> bool:
+    """Whether a style or project is to be stored: there is none, or another one that no user has changed."""
+    return stored is None or (stored != new and content_hash(stored) == kept_hash)
 
 
 def column_type(values: NDArray[Any], types: Mapping[str, str]) -> str:

@@ -1,7 +1,6 @@
 """A farm map in a GeoPackage; :mod:`.postgis` has the same operations."""
 
 import getpass
-import hashlib
 import os
 import shutil
 import sqlite3
@@ -28,6 +27,8 @@ from furrowmap.exporters.farm.edit import (
     check_schema,
     chosen_columns,
     column_type,
+    content_hash,
+    is_due,
     row_of,
 )
 from furrowmap.exporters.farm.memory import DERIVED
@@ -105,16 +106,6 @@ def set_value(database: sqlite3.Connection, name: str, value: str) -> None:
         "ON CONFLICT (name) DO UPDATE SET value = excluded.value",
         (name, value),
     )
-
-
-def store_hash(database: sqlite3.Connection, name: str, text: str) -> None:
-    """Store the hash of a written text under `name`, to detect later changes by a user."""
-    set_value(database, name, hashlib.sha256(text.encode()).hexdigest())
-
-
-def is_unchanged(database: sqlite3.Connection, name: str, text: str) -> bool:
-    """Whether `text` is what :func:`store_hash` saw last under `name`."""
-    return setting(database, name) == hashlib.sha256(text.encode()).hexdigest()
 
 
 _PATIENCE_S: Final = 60.0
@@ -311,17 +302,20 @@ class GeopackageEdit:
         path = self._begin()
         with self._open() as database:
             has_styles = has_table(database, "layer_styles")
-            query = "SELECT f_table_name, id, styleQML FROM layer_styles WHERE styleName = f_table_name"
+            query = "SELECT f_table_name, styleQML FROM layer_styles WHERE styleName = f_table_name"
             rows = database.execute(query).fetchall() if has_styles else []
-            stored = {name: (number, text) for name, number, text in rows}
-            for name in styles.keys() & stored.keys():
-                number, text = stored[name]
-                if text != styles[name] and is_unchanged(database, f"style {name}", text):
-                    database.execute("UPDATE layer_styles SET styleQML = ? WHERE id = ?", (styles[name], number))
-                    store_hash(database, f"style {name}", styles[name])
-            new = {name: text for name, text in styles.items() if name not in stored}
-            for name, text in new.items():
-                store_hash(database, f"style {name}", text)
+            stored = dict(rows)
+            due = {
+                name: text
+                for name, text in styles.items()
+                if is_due(stored.get(name), text, setting(database, f"style {name}"))
+            }
+            update = "UPDATE layer_styles SET styleQML = ? WHERE styleName = f_table_name AND f_table_name = ?"
+            for name, text in due.items():
+                if name in stored:
+                    database.execute(update, (text, name))
+                set_value(database, f"style {name}", content_hash(text))
+        new = {name: text for name, text in due.items() if name not in stored}
         if new:
             store_styles(path, new, append=has_styles)
         return ()
@@ -335,12 +329,12 @@ class GeopackageEdit:
                 "CREATE TABLE IF NOT EXISTS qgis_projects(name TEXT PRIMARY KEY, metadata BLOB, content BLOB)"
             )
             stored = database.execute("SELECT content FROM qgis_projects WHERE name = ?", (PROJECT,)).fetchone()
-            if stored is None or (stored[0] != content and is_unchanged(database, "project", str(stored[0]))):
+            if is_due(None if stored is None else str(stored[0]), content, setting(database, "project")):
                 database.execute(
                     "INSERT OR REPLACE INTO qgis_projects VALUES (?, ?, ?)",
                     (PROJECT, project_metadata(_user()), content),
                 )
-                store_hash(database, "project", content)
+                set_value(database, "project", content_hash(content))
 
     def finish(self) -> None:
         """Check the changed file before it replaces the earlier one; OSError if the disk holds something else."""

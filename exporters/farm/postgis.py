@@ -1,7 +1,6 @@
 """A farm map in PostGIS, which several people can share; :mod:`.geopackage` has the same operations."""
 
 import datetime as dt
-import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -28,6 +27,8 @@ from furrowmap.exporters.farm.edit import (
     check_schema,
     chosen_columns,
     column_type,
+    content_hash,
+    is_due,
     row_of,
 )
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
@@ -282,7 +283,7 @@ class PostgisEdit:
         columns = "(name text PRIMARY KEY, metadata jsonb, content bytea)"
         self._do(SQL("CREATE TABLE IF NOT EXISTS {} {}").format(table, SQL(columns)))
         stored = self._one(SQL("SELECT content FROM {} WHERE name = %s").format(table), PROJECT)
-        if stored is not None and (bytes(stored) == archive or self.setting("project") != _hash(bytes(stored))):
+        if not is_due(None if stored is None else bytes(stored), archive, self.setting("project")):
             return
         metadata = project_metadata(self._connection.info.user)
         query = SQL(
@@ -290,7 +291,7 @@ class PostgisEdit:
             "ON CONFLICT (name) DO UPDATE SET metadata = excluded.metadata, content = excluded.content"
         ).format(table)
         self._connection.execute(query, (PROJECT, metadata, archive))
-        self.store_setting("project", _hash(archive))
+        self.store_setting("project", content_hash(archive))
 
     def _create(self, layer: Layer, crs: CRS) -> None:
         if self._has(layer.name):
@@ -327,17 +328,16 @@ class PostgisEdit:
     def _store_style(self, name: str, text: str) -> None:
         where = (self._connection.info.dbname, self._schema, name, name)
         rows = self._connection.execute(_STYLE_QUERY, where).fetchall()
+        number, stored = rows[0] if rows else (None, None)
+        if not is_due(stored, text, self.setting(f"style {name}")):
+            return
         if rows:
-            (number, stored), *_ = rows
-            if stored == text or self.setting(f"style {name}") != _hash(stored.encode()):
-                return
             self._connection.execute("UPDATE layer_styles SET styleqml = %s WHERE id = %s", (text, number))
         else:
             geometry = GEOMETRY if self.layers()[name] else None
             self._connection.execute(_STYLE_INSERT, (*where, geometry, text, STYLE_BY))
-        self.store_setting(
-            f"style {name}", _hash(str(self._connection.execute(_STYLE_QUERY, where).fetchall()[0][1]).encode())
-        )
+        (_, stored), *_ = self._connection.execute(_STYLE_QUERY, where).fetchall()
+        self.store_setting(f"style {name}", content_hash(stored))
 
     def _srid(self, crs: CRS) -> int:
         """PostGIS's number of a CRS."""
@@ -403,7 +403,3 @@ def _array(values: Sequence[Any]) -> NDArray[Any]:
     if any(isinstance(value, dt.datetime) for value in values):
         return np.array([value and value.astimezone(dt.UTC).replace(tzinfo=None) for value in values], "datetime64[ms]")
     return np.array(values, object)
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()

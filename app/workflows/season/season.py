@@ -41,7 +41,7 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, result_origin
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.rasters.cog import Band
-from furrowmap.exporters.rasters.windows import enclosing
+from furrowmap.exporters.rasters.windows import enclosing, shared_cells
 from furrowmap.settings import SeasonSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS
 from furrowmap.workflows.batch.workforce import Workforce
@@ -56,8 +56,6 @@ COVERAGE: Final = "coverage"
 TITLES: Final = {"dsm": "Surface", "change": "Change of the surface", COVERAGE: "Times worked"}
 _CELL_M: Final = 0.05
 """Of a season without surfaces: that of a run."""
-_Extent = tuple[int, int, int, int]
-"""West, south, east, north in cells from the CRS's origin."""
 
 
 @dataclass(frozen=True)
@@ -114,24 +112,18 @@ def plan_tiles(plan: SeasonPlan, cell_m: float | None) -> dict[str, Planned]:
     for kind in ("dsm", "change"):
         plan.bands[kind] = _common_bands([found[kind] for found in opened if kind in found])
     plan.bands[COVERAGE] = (WORKED,)
-    extents: dict[tuple[int, int], _Extent] = {}
+    extents: dict[tuple[int, int], list[Grid]] = {}
     contents: dict[tuple[dt.date, str, tuple[int, int]], list[tuple[SeasonSession, Path]]] = {}
     for session, found in zip(plan.sessions, opened, strict=True):
         grids = [(kind, surface.path, grid_in(surface, crs, cell_m)) for kind, surface in found.items()]
         if session.passes is not None:
             grids.append((COVERAGE, session.folder, Grid.of_bounds(cell_m, _bounds_in(plan.crs, session))))
         for kind, source, grid in grids:
-            for tile, extent in _tiles(grid):
-                west, south, east, north = extents.get(tile, extent)
-                extents[tile] = (
-                    min(west, extent[0]),
-                    min(south, extent[1]),
-                    max(east, extent[2]),
-                    max(north, extent[3]),
-                )
+            for tile, part in _tiles(grid):
+                extents.setdefault(tile, []).append(part)
                 contents.setdefault((session.date, kind, tile), []).append((session, source))
     return dict(
-        _plan_tile(plan, key, members, _grid(cell_m, extents[key[2]]), crs)
+        _plan_tile(plan, key, members, enclosing(extents[key[2]]), crs)
         for key, members in sorted(contents.items(), key=lambda item: item[0])
     )
 
@@ -204,20 +196,14 @@ def _bounds_in(crs: CRS, session: SeasonSession) -> tuple[float, float, float, f
     return west, south, east, north
 
 
-def _tiles(grid: Grid) -> Iterator[tuple[tuple[int, int], _Extent]]:
-    """The tiles that cells lie in, and the extent of those in each."""
-    west, south, east, north = grid.west, grid.north - grid.rows, grid.west + grid.columns, grid.north
-    for column in range(west // MOSAIC_TILE_CELLS, (east - 1) // MOSAIC_TILE_CELLS + 1):
-        for row in range(south // MOSAIC_TILE_CELLS, (north - 1) // MOSAIC_TILE_CELLS + 1):
-            left, bottom = column * MOSAIC_TILE_CELLS, row * MOSAIC_TILE_CELLS
-            right, top = left + MOSAIC_TILE_CELLS, bottom + MOSAIC_TILE_CELLS
-            own = (max(west, left), max(south, bottom), min(east, right), min(north, top))
-            yield (column, row), own
-
-
-def _grid(cell_m: float, extent: _Extent) -> Grid:
-    west, south, east, north = extent
-    return Grid(cell_m, west, north, (north - south, east - west))
+def _tiles(grid: Grid) -> Iterator[tuple[tuple[int, int], Grid]]:
+    """The tiles that cells lie in, and those in each."""
+    side, south, east = MOSAIC_TILE_CELLS, grid.north - grid.rows, grid.west + grid.columns
+    for column in range(grid.west // side, (east - 1) // side + 1):
+        for row in range(south // side, (grid.north - 1) // side + 1):
+            part = shared_cells(grid, Grid(grid.cell_m, column * side, (row + 1) * side, (side, side)))
+            assert part is not None
+            yield (column, row), part
 
 
 def _source_key(session: SeasonSession, file: Path) -> list[Any]:
@@ -234,7 +220,6 @@ MOSAICS: Final = "mosaics"
 POINTS: Final = "points"
 TRAJECTORY_TABLES: Final = "trajectories"
 CONTENTS: Final = (MOSAICS, POINTS, TRAJECTORY_TABLES)
-
 
 Parts = Mapping[str, Planned]
 Accounts = Mapping[str, Any]
