@@ -24,11 +24,11 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import BinaryIO, Final, Protocol
+from typing import BinaryIO, Final
 
 import click
 import msgspec
@@ -48,12 +48,8 @@ ABANDONED_S: Final = 60.0
 _LONGEST_LINE: Final = 1 << 20
 
 
-class Send(Protocol):
-    """Sends a message of a type."""
-
-    def __call__(self, kind: str, **content: object) -> None:
-        """Send the message."""
-        ...
+Send = Callable[..., None]
+"""Sends a message of a type, which is the argument, with its content, the keyword arguments."""
 
 
 @click.command(
@@ -77,7 +73,7 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
 
     `orders` are lines of JSON; their end cancels the command, and the process ends within :data:`ABANDONED_S` of it.
     """
-    send = _Sender(answers)
+    send = _sender(answers)
     send("hello", protocol=PROTOCOL, version=version("furrowmap"), pid=os.getpid())
     error: FurrowmapError | None
     arguments: list[str] = []
@@ -96,15 +92,11 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
     return status
 
 
-def _discard(kind: str, **_: object) -> None:
-    """Drop a message."""
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WorkerConsole(Console):
     """A console that sends messages to a program."""
 
-    send: Send = _discard
+    send: Send
 
     def answer(self, value: object, words: str) -> None:  # noqa: ARG002 (programs take the value)
         """Send the result."""
@@ -140,20 +132,19 @@ def _throttled(send: Send) -> Progress:
     return show
 
 
-class _Sender:
+def _sender(answers: BinaryIO) -> Send:
     """Writes each message as a whole, from any thread."""
+    from furrowmap.core.runtime.json_text import plain
 
-    def __init__(self, answers: BinaryIO) -> None:
-        self._answers = answers
-        self._lock = threading.Lock()
+    lock = threading.Lock()
 
-    def __call__(self, kind: str, **content: object) -> None:
-        from furrowmap.core.runtime.json_text import plain
-
+    def send(kind: str, **content: object) -> None:
         line = json.dumps(plain({"type": kind, **content}), ensure_ascii=False, allow_nan=False)
-        with self._lock:
-            self._answers.write(line.encode() + b"\n")
-            self._answers.flush()
+        with lock:
+            answers.write(line.encode() + b"\n")
+            answers.flush()
+
+    return send
 
 
 def _own_input() -> BinaryIO:

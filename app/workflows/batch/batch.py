@@ -18,7 +18,6 @@ from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, Re
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.memory import peak_memory_bytes
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.settings import using
 from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.exporters.files.batch_state import (
@@ -78,11 +77,10 @@ def run_job(job: Job) -> SessionOutcome:
     wall_s, processor_s = perf_counter(), process_time()
     key, stamps = "", tuple[Stamp, ...]()
     try:
-        with using(threads=job.process.threads, allowed=job.process.allowed, language=job.process.language):
-            opened = open_job(job)
-            key, stamps = key_of(job), input_stamps(opened)
-            result, repeated = _result(job, opened)
-            outcome = replace(_outcome(key, stamps, result, opened), repeated=repeated)
+        opened = open_job(job)
+        key, stamps = key_of(job), input_stamps(opened)
+        result, repeated = _result(job, opened)
+        outcome = replace(_outcome(key, stamps, result, opened), repeated=repeated)
     except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
         outcome = SessionOutcome(key, stamps, Failure.from_error(as_furrowmap_error(error)))
     return replace(
@@ -336,7 +334,6 @@ class _Batch:
         names = assign_names(wanted, state.sources())
         if not dry_run:
             state.keep_names(names)
-        process = force.settings
         for key, (source, found, visit) in made.items():
             if found.failure is not None:
                 plan.failures[names[key]] = (source.place, found.failure)
@@ -346,7 +343,6 @@ class _Batch:
                 file=source.place,
                 text=found.text,
                 results=str(self.results.resolve()),
-                process=process,
                 visit=visit,
                 overwrite=self.overwrite or names[key] in outcomes,
                 url=source.url,

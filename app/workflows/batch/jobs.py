@@ -23,7 +23,7 @@ from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.runtime.errors import as_furrowmap_error
-from furrowmap.core.runtime.settings import Settings
+from furrowmap.core.runtime.settings import ALLOWANCES, allows, language_of_user
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import Inputs, OpenSession
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
@@ -80,7 +80,6 @@ class Job:
     file: str
     text: str
     results: str
-    process: Settings
     visit: FieldVisit | None = None
     overwrite: bool = False
     url: str = ""
@@ -150,7 +149,7 @@ def key_of(job: Job) -> str:
     """A hash of what decides on the products besides the content of the inputs: settings and version."""
     session = msgspec.to_builtins(_parsed(job.text, job.file))
     visit = msgspec.to_builtins(job.visit)
-    decisive = [own_version(), session, visit, job.process.language, sorted(job.process.allowed)]
+    decisive = [own_version(), session, visit, language_of_user(), sorted(filter(allows, ALLOWANCES))]
     return hashlib.sha256(json.dumps(decisive, default=str, sort_keys=True).encode()).hexdigest()
 
 

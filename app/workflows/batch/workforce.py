@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 from importlib.util import find_spec
 from typing import Any, Final, Self
 
@@ -15,6 +16,7 @@ from furrowmap.core.runtime.settings import (
     available_processors,
     language_of_user,
     settings,
+    using,
 )
 from furrowmap.workflows.batch.engine import Engine, Found, Item, OneProcess, WorkerDied
 
@@ -54,12 +56,6 @@ class Workforce:
         return max(1, available_processors() // self.workers)
 
     @property
-    def settings(self) -> Settings:
-        """The settings of this process for those of the workers, with the threads of each run."""
-        allowed = frozenset(what for what in ALLOWANCES if allows(what))
-        return Settings(self.threads, allowed, language_of_user())
-
-    @property
     def cores(self) -> int:
         """Cores that work at a time, as far as is known before."""
         return self.workers if self._scheduler is not None else self.workers * (self.threads or 1)
@@ -67,7 +63,7 @@ class Workforce:
     def each(
         self, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]], stage: str, progress: Progress
     ) -> Iterator[tuple[str, Found | WorkerDied]]:
-        """As :meth:`Engine.each`, with the share that is done as the progress of a stage."""
+        """As :meth:`Engine.each`, with the settings of this process, and the share that is done as progress."""
         if not items:
             return
         if self._engine is None:
@@ -86,7 +82,15 @@ class Workforce:
         def tick() -> None:
             progress(stage, done / len(items))
 
-        for name, found in self._engine.each(work, items, tick):
+        allowed = frozenset(what for what in ALLOWANCES if allows(what))
+        with_settings = partial(_do, work, Settings(self.threads, allowed, language_of_user()))
+        for name, found in self._engine.each(with_settings, items, tick):
             done += 1
             tick()
             yield name, found
+
+
+def _do(work: Callable[[Item], Found], process: Settings, item: Item) -> Found:
+    """`work` on an item, in a worker, with the settings of the process that handed it out."""
+    with using(threads=process.threads, allowed=process.allowed, language=process.language):
+        return work(item)

@@ -28,7 +28,7 @@ from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.workflows.clouds.clean import NO_TIME, batch_of, refuse_target, scale_of
 from furrowmap.workflows.clouds.inputs import input_records
-from furrowmap.workflows.run.colours import ColourFigures, RunColours
+from furrowmap.workflows.run.colours import RunColours
 
 
 def colour(
@@ -58,9 +58,9 @@ def colour(
     clouds = open_clouds([source], None, opened.frame.crs)
     target.parent.mkdir(parents=True, exist_ok=True)
     with using(scratch_folder=target.parent):
-        figures = _write(clouds, _frames(opened, notices, progress), target, progress)
-    warnings = [*notices, *clouds.notices, *figures.notices]
-    return dict(plain({"cloud": source.name, "figures": figures.plain(), "warnings": list(dict.fromkeys(warnings))}))
+        figures, unseen = _write(clouds, _frames(opened, notices, progress), target, progress)
+    warnings = [*notices, *clouds.notices, *unseen]
+    return dict(plain({"cloud": source.name, "figures": figures, "warnings": list(dict.fromkeys(warnings))}))
 
 
 def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> Frames:
@@ -88,7 +88,7 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     return frames
 
 
-def _write(clouds: Clouds, frames: Frames, target: Path, progress: Progress) -> ColourFigures:
+def _write(clouds: Clouds, frames: Frames, target: Path, progress: Progress) -> tuple[dict[str, Any], list[Notice]]:
     """Read the cloud twice: for what hides what, and to write it."""
     with ExitStack() as stack:
         colours: RunColours | None = None

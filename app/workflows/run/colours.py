@@ -1,7 +1,6 @@
 """Colours of a run: its points on their way to what colours the cloud and makes the orthophoto."""
 
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import Any, Final, Self
@@ -25,38 +24,6 @@ from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 
 NOT_COLOURED: Final = np.array([PointClass.NOISE, PointClass.VEHICLE, PointClass.IMPLEMENT], np.uint8)
 """Classes without colours: the machine has moved in the next frame."""
-
-
-@dataclass(frozen=True)
-class ColourFigures:
-    """Figures of the colours for the report.
-
-    `unseen` and `left_out` are points that no frame sees, and those of the machine and noise; `corner` is the share of
-    the light that is lost in the corners; `gain` the standard deviation of the logarithms of the frames' exposures.
-    """
-
-    frames: int
-    coloured: int
-    unseen: int
-    left_out: int
-    reduction: int
-    ortho_m2: float
-    corner: float
-    gain: float
-    notices: tuple[Notice, ...]
-
-    def plain(self) -> dict[str, Any]:
-        """As in `report.json`."""
-        return {
-            "images": self.frames,
-            "points_coloured": self.coloured,
-            "points_not_seen": self.unseen,
-            "points_left_out": self.left_out,
-            "image_reduction": self.reduction,
-            "orthophoto_area_m2": round(self.ortho_m2, 1),
-            "vignetting_corner": round(self.corner, 4),
-            "exposure_spread": round(self.gain, 4),
-        }
 
 
 class RunColours:
@@ -116,21 +83,26 @@ class RunColours:
             return
         write_raster_style(photo, "orthophoto.qml")
 
-    def figures(self) -> ColourFigures:
-        """Figures of the cloud's colours, when it is written."""
+    def figures(self) -> tuple[dict[str, Any], list[Notice]]:
+        """Figures of the cloud's colours for the report, when it is written, and warnings.
+
+        `points_not_seen` and `points_left_out` are points that no frame sees, and those of the machine and noise;
+        `vignetting_corner` is the share of the light that is lost in the corners; `exposure_spread` the standard
+        deviation of the logarithms of the frames' exposures.
+        """
         assert self._colours is not None
         pixels, balance = self._colours.pixels, self._colours.balance
         coloured, unseen, left_out = self._counts.tolist()
         if coloured + unseen and not coloured:
             self._notices.append(Notice("nothing-coloured"))
-        return ColourFigures(
-            int(pixels.usable.sum()),
-            coloured,
-            unseen,
-            left_out,
-            pixels.reduction,
-            self._ortho_m2,
-            balance.corner,
-            float(balance.gain.std()),
-            tuple(self._notices),
-        )
+        figures = {
+            "images": int(pixels.usable.sum()),
+            "points_coloured": coloured,
+            "points_not_seen": unseen,
+            "points_left_out": left_out,
+            "image_reduction": pixels.reduction,
+            "orthophoto_area_m2": round(self._ortho_m2, 1),
+            "vignetting_corner": round(balance.corner, 4),
+            "exposure_spread": round(float(balance.gain.std()), 4),
+        }
+        return figures, self._notices

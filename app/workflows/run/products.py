@@ -68,7 +68,7 @@ from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.workflows.clouds.features import found_layers, sparse_notices
 from furrowmap.workflows.clouds.inputs import box_to_use
 from furrowmap.workflows.crops.parcels import WrittenParcels, held_against_surface, parcel_settings, write_parcels
-from furrowmap.workflows.run.colours import ColourFigures, RunColours
+from furrowmap.workflows.run.colours import RunColours
 
 SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
@@ -96,7 +96,7 @@ class Made:
     rasters: RasterFigures | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     parcels: WrittenParcels | None = None
-    colours: ColourFigures | None = None
+    colours: dict[str, Any] | None = None
     features: RunFeatures | None = None
     checked: HeldHeights | None = None
 
@@ -165,9 +165,9 @@ class RunProducts:
         made = Made(found, inputs, summary, rasters.result(), seconds)
         notices = list(found.notices)
         if self.colours is not None:
-            coloured = self.colours.figures()
+            coloured, uncoloured = self.colours.figures()
             made = replace(made, colours=coloured)
-            notices += coloured.notices
+            notices += uncoloured
         if parcels is not None:
             seconds["parcels"] = measured - written
             east_m, north_m = np.sqrt(np.mean(found.placement.poses.sigma[:, :2] ** 2, axis=0)).tolist()
@@ -257,7 +257,7 @@ def write_products(
     timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
     names = [name for name in RUN_PRODUCTS if name in (REPORT, ITEM) or (staging / name).exists()]
     content = run_report(found, origin, summary, made.rasters, made.inputs, timings, names)
-    content["colours"] = made.colours.plain() if made.colours is not None else None
+    content["colours"] = made.colours
     if made.parcels is not None:
         content["parcels"] = made.parcels.account
     if features is not None:

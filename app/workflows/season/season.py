@@ -19,7 +19,6 @@ from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, Re
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.settings import Settings
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.exchange.stac import (
@@ -65,7 +64,6 @@ class SeasonPlan:
     staging: Path
     sessions: Sequence[SeasonSession]
     crs: CRS
-    process: Settings
     bands: dict[str, tuple[Band, ...]] = field(default_factory=dict)
 
 
@@ -137,10 +135,9 @@ def plan_tables(plan: SeasonPlan, kind: str, most_rows: int, spacing_m: float = 
             continue
         place = f"{kind}/date={session.date}"
         origin = result_origin(dict(session.report), session.name)
-        wkt, own = plan.crs.to_wkt(), session.crs.to_wkt()
         out = plan.staging / place
-        part = SessionTables(out, session.name, source, wkt, own, spacing_m, most_rows, origin, plan.process)
-        key = _key(wkt, spacing_m, most_rows, place, [_source_key(session, file)])
+        part = SessionTables(out, session.name, source, plan.crs, session.crs, spacing_m, most_rows, origin)
+        key = _key(plan.crs.to_wkt(), spacing_m, most_rows, place, [_source_key(session, file)])
         found[f"{place}/{session.name}"] = Planned(part, kind, place, key, session.date, session.span)
     return found
 
@@ -164,12 +161,12 @@ def _plan_tile(
         parameters={"pick": "latest", "heights": heights} if kind != COVERAGE else {},
     )
     bands = tuple(band.description for band in plan.bands[kind]) if kind != COVERAGE else ()
-    wkt = (crs if kind != COVERAGE else plan.crs).to_wkt()
+    crs = crs if kind != COVERAGE else plan.crs
     sources = tuple(source for _, source in members)
-    tile = MosaicTile(plan.staging / place / name, grid, wkt, bands, sources, origin, plan.process)
+    tile = MosaicTile(plan.staging / place / name, grid, crs, bands, sources, origin)
     files = [source / FIELD if kind == COVERAGE else source for source in sources]
     decisive = [_source_key(session, file) for session, file in zip(sessions, files, strict=True)]
-    key = _key(wkt, [grid.cell_m, grid.west, grid.north, *grid.shape], bands, decisive)
+    key = _key(crs.to_wkt(), [grid.cell_m, grid.west, grid.north, *grid.shape], bands, decisive)
     return f"{place}/{name}", Planned(tile, kind, place, key, date, span, (column, row), grid)
 
 
@@ -287,7 +284,7 @@ def season(
     crs, changes = season_crs(sessions, optional_crs(settings.crs))
     force = Workforce(settings.workers, settings.scheduler, say)
     with staged_folder(folder) as staging, force:
-        plan = SeasonPlan(staging.resolve(), sessions, crs, force.settings)
+        plan = SeasonPlan(staging.resolve(), sessions, crs)
         parts: dict[str, Planned] = {}
         if MOSAICS in content:
             parts |= plan_tiles(plan, settings.cell_m)

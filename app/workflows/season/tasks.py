@@ -12,7 +12,6 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.runtime.errors import FurrowmapError, as_furrowmap_error
-from furrowmap.core.runtime.settings import Settings, using
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.exchange.vectors import changed_crs
 from furrowmap.exporters.farm.mosaic import write_mosaic_part
@@ -27,15 +26,14 @@ TABLE_BATCH_POINTS: Final = 500_000
 
 @dataclass(frozen=True)
 class MosaicTile:
-    """A tile of a mosaic: CRS as WKT, bands by description (none for coverage), and sources in order of sessions."""
+    """A tile of a mosaic: CRS, bands by description (none for coverage), and sources in order of sessions."""
 
     out: Path
     grid: Grid
-    crs: str
+    crs: CRS
     bands: tuple[str, ...]
     sources: tuple[Path, ...]
     origin: Origin
-    process: Settings
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ class SessionTables:
     Attributes:
         out: folder of the date.
         source: its cloud, or its result for the trajectory.
-        crs: of the season as WKT, without heights.
+        crs: of the season, without heights.
         own_crs: of the session, likewise.
         spacing_m: of the points that suffices; 0 for all.
     """
@@ -53,12 +51,11 @@ class SessionTables:
     out: Path
     name: str
     source: Path
-    crs: str
-    own_crs: str
+    crs: CRS
+    own_crs: CRS
     spacing_m: float
     most_rows: int
     origin: Origin
-    process: Settings
 
 
 Part = MosaicTile | SessionTables
@@ -69,10 +66,9 @@ PartAccount = dict[str, Any]
 def write_part(part: Part) -> PartAccount | FurrowmapError:
     """Write a part; returns its account, or the error that ended it."""
     try:
-        with using(threads=part.process.threads, allowed=part.process.allowed, language=part.process.language):
-            if isinstance(part, SessionTables):
-                return _write_tables(part)
-            return _write_tile(part) if part.bands else _write_coverage(part)
+        if isinstance(part, SessionTables):
+            return _write_tables(part)
+        return _write_tile(part) if part.bands else _write_coverage(part)
     except Exception as error:  # noqa: BLE001 whatever ends a part is raised where the season is made
         return as_furrowmap_error(error)
 
@@ -80,21 +76,20 @@ def write_part(part: Part) -> PartAccount | FurrowmapError:
 def _write_tile(tile: MosaicTile) -> PartAccount:
     tile.out.parent.mkdir(parents=True, exist_ok=True)
     surfaces = [surface_file(path) for path in tile.sources]
-    found = write_mosaic_part(surfaces, tile.out, tile.grid, CRS.from_wkt(tile.crs), tile.bands, tile.origin)
+    found = write_mosaic_part(surfaces, tile.out, tile.grid, tile.crs, tile.bands, tile.origin)
     if found is None:
         return {"files": []}
     return {"files": [[tile.out.name, 0]], "bands": [[*row] for row in found.tolist()]}
 
 
 def _write_coverage(tile: MosaicTile) -> PartAccount:
-    crs = CRS.from_wkt(tile.crs)
-    shapes = [_passes(folder, crs) for folder in tile.sources]
+    shapes = [_passes(folder, tile.crs) for folder in tile.sources]
     passes = np.concatenate(shapes) if shapes else np.empty(0, object)
     passes = passes[shapely.intersects(passes, shapely.box(*tile.grid.bounds_m))]
     if not len(passes):
         return {"files": []}
     tile.out.parent.mkdir(parents=True, exist_ok=True)
-    most = write_worked(tile.out, passes, tile.grid, crs, tile.origin)
+    most = write_worked(tile.out, passes, tile.grid, tile.crs, tile.origin)
     return {"files": [[tile.out.name, 0]], "bands": [[0, most, tile.grid.rows * tile.grid.columns]]}
 
 
@@ -110,8 +105,7 @@ def _write_tables(tables: SessionTables) -> PartAccount:
 
     is_cloud = tables.source.is_file()
     schema = POINT_SCHEMA if is_cloud else POSE_SCHEMA
-    crs = CRS.from_wkt(tables.crs)
-    with Partition(tables.out, tables.name, schema, crs, tables.origin, tables.most_rows) as partition:
+    with Partition(tables.out, tables.name, schema, tables.crs, tables.origin, tables.most_rows) as partition:
         if is_cloud:
             resolution = tables.spacing_m or None
             for batch in open_cloud(tables.source).batches(resolution=resolution, batch_points=TABLE_BATCH_POINTS):
@@ -142,9 +136,8 @@ def _write_tables(tables: SessionTables) -> PartAccount:
 
 def _to_season_crs(xyz_m: NDArray[np.float64], tables: SessionTables) -> NDArray[np.float64]:
     """Coordinates (n, 3) in the CRS of the season; heights are unchanged."""
-    own, target = CRS.from_wkt(tables.own_crs), CRS.from_wkt(tables.crs)
-    if same_map(own, target):
+    if same_map(tables.own_crs, tables.crs):
         return xyz_m
     (west, south), (east, north) = xyz_m[:, :2].min(axis=0).tolist(), xyz_m[:, :2].max(axis=0).tolist()
-    change = crs_change(own, target, (west, south, east, north))
+    change = crs_change(tables.own_crs, tables.crs, (west, south, east, north))
     return np.column_stack([change.points(xyz_m[:, :2]), xyz_m[:, 2:]])

@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.core.runtime.settings import Settings
 from furrowmap.exporters.files.batch_state import STATE, batch_state
 from furrowmap.workflows.batch import dask, workforce
 from furrowmap.workflows.batch.batch import _lost
@@ -155,7 +154,6 @@ def test_recordings_of_a_machine__get_a_session_and_are_split_by_fields(shared_d
             str(home / "session.toml"),
             found.text,
             str(tmp_path),
-            Settings(),
             found.visits[0],
         )
     )

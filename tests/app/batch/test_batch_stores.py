@@ -12,7 +12,6 @@ from moto.server import ThreadedMotoServer
 
 import furrowmap
 from furrowmap.core.runtime.errors import InputError, RefusedError
-from furrowmap.core.runtime.settings import Settings
 from furrowmap.exporters.files.batch_state import STATE
 from furrowmap.workflows.batch.batch import run_job
 from furrowmap.workflows.batch.jobs import Job
@@ -78,7 +77,7 @@ def test_store__that_holds_nothing_or_cannot_be_opened_is_an_error(tmp_path: Pat
     assert unknown.value.code == "no-fsspec"
     text = 'furrowmap = 1\n[recording]\nlidar = ["a"]\ngnss = ["b"]\n[crs]\nmap = "EPSG:6677"\n'
     url = "memory://nothing"
-    gone = run_job(Job("n", f"{url}/session.toml", text, "", Settings(), url=url, results_url="bad://x"))
+    gone = run_job(Job("n", f"{url}/session.toml", text, "", url=url, results_url="bad://x"))
     assert gone.failure is not None
     assert gone.failure.code == "batch-store"
 

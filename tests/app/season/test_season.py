@@ -30,7 +30,6 @@ from rio_cogeo import cog_validate
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
-from furrowmap.core.runtime.settings import Settings
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import HEIGHT_BAND, STANDARD_ERROR_BAND, Band, with_heights
@@ -278,14 +277,12 @@ def test_season__again_makes_only_what_has_changed(results: Path, made: Path, tm
 
 
 def tables(source: Path, out: Path, **other: Any) -> SessionTables:
-    wkt = JAPAN.to_wkt()
-    origin, process = Origin("test"), Settings()
-    return replace(SessionTables(out, "x", source, wkt, wkt, 0.0, 10**6, origin, process), **other)
+    return replace(SessionTables(out, "x", source, JAPAN, JAPAN, 0.0, 10**6, Origin("test")), **other)
 
 
 def test_points__in_another_crs_and_of_coarse_levels(results: Path, tmp_path: Path) -> None:
     cloud = results / "a" / "cloud.copc.laz"
-    told = write_part(tables(cloud, tmp_path, crs=UTM.to_wkt(), spacing_m=2.0))
+    told = write_part(tables(cloud, tmp_path, crs=UTM, spacing_m=2.0))
     assert isinstance(told, dict)
     own, truth = gpd.read_parquet(tmp_path / "x-0001.parquet"), laspy.read(cloud)
     assert own.crs == UTM
@@ -320,7 +317,7 @@ def test_surfaces_moved_by_a_tie__take_the_place_of_their_results(results: Path,
     sessions, (notice,) = find_sessions([results, tie], tmp_path)
     assert notice.code == "season-ties"
     assert "1 of 3 sessions" in notice.text
-    planned = plan_tiles(SeasonPlan(tmp_path, sessions, JAPAN, Settings()), 0.1)
+    planned = plan_tiles(SeasonPlan(tmp_path, sessions, JAPAN), 0.1)
     tiles = [one.part for one in planned.values() if (one.kind, str(one.date)) == ("dsm", "2026-06-11")]
     found = np.empty(0)
     for tile in tiles:
@@ -339,7 +336,7 @@ def test_surface_without_the_band_of_the_others__is_an_error(results: Path, tmp_
     sessions, _ = find_sessions([results], tmp_path)
     sessions[0] = replace(sessions[0], surfaces={"dsm": tmp_path / "other.tif"})
     with pytest.raises(InputError, match="has no band 'height'"):
-        plan_tiles(SeasonPlan(tmp_path, sessions, JAPAN, Settings()), None)
+        plan_tiles(SeasonPlan(tmp_path, sessions, JAPAN), None)
 
 
 def test_what_cannot_be_one_season__is_refused(results: Path, tmp_path: Path) -> None:
