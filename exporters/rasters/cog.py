@@ -1,7 +1,7 @@
 """Rasters as cloud-optimised GeoTIFF."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,41 +90,41 @@ def cog_output(
     Yields:
         A function that takes the bands of a tile with the same cells; parts outside the raster are ignored.
     """
-    profile = (
-        _SCRATCH_PROFILE
-        | (_COUNT_PROFILE if counts else {})
-        | {
-            "height": grid.rows,
-            "width": grid.columns,
-            "count": len(bands),
-            "crs": _raster_crs(crs),
-            "transform": rasterio.Affine(*grid.transform),
-        }
-    )
+    profile = {**_SCRATCH_PROFILE, **(_COUNT_PROFILE if counts else {}), "count": len(bands), "crs": _raster_crs(crs)}
+    version = "AUTO" if reported_crs(crs) == crs else "1.0"
+    options = _COG_OPTIONS | ({"PREDICTOR": "STANDARD"} if counts else {}) | {"GEOTIFF_VERSION": version}
+    with scratch_raster(path, grid, profile, options, origin) as raster:
+        raster.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (len(bands) - 1)
+        raster.descriptions = tuple(band.description for band in bands)
+        raster.units = tuple(band.unit for band in bands)
+        sums = [_Statistics() for _ in bands]
+
+        def write(tile: Grid, arrays: Bands) -> None:
+            shared = shared_cells(tile, grid)
+            if shared is not None:
+                part, place = shared.window_in(tile), shared.window_in(grid)
+                values = [_rounded(a[part], band, counts=counts) for a, band in zip(arrays, bands, strict=True)]
+                raster.write(np.stack(values), window=Window.from_slices(*place))
+                for band_sums, band_values in zip(sums, values, strict=True):
+                    band_sums.add(band_values)
+
+        yield write
+        for number, band_sums in enumerate(sums, start=1):
+            raster.update_tags(number, **band_sums.tags(grid.rows * grid.columns))
+
+
+@contextmanager
+def scratch_raster(
+    path: Path, grid: Grid, profile: Mapping[str, Any], options: Mapping[str, Any], origin: Origin
+) -> Iterator[Any]:
+    """A raster to fill, in a scratch file, of which GDAL's COG driver writes the file at `path` with its options."""
     with atomic_output(path) as unfinished, rasterio.Env(GDAL_CACHEMAX=GDAL_CACHE_BYTES):
         scratch = unfinished.with_name(f"{unfinished.name}.bands")
-        with rasterio.open(scratch, "w", **profile) as raster:
-            raster.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (len(bands) - 1)
-            raster.descriptions = tuple(band.description for band in bands)
-            raster.units = tuple(band.unit for band in bands)
+        place = {"height": grid.rows, "width": grid.columns, "transform": rasterio.Affine(*grid.transform)}
+        with rasterio.open(scratch, "w", **profile, **place) as raster:
             raster.update_tags(**tags_of(origin))
-            sums = [_Statistics() for _ in bands]
-
-            def write(tile: Grid, arrays: Bands) -> None:
-                shared = shared_cells(tile, grid)
-                if shared is not None:
-                    part, place = shared.window_in(tile), shared.window_in(grid)
-                    values = [_rounded(a[part], band, counts=counts) for a, band in zip(arrays, bands, strict=True)]
-                    raster.write(np.stack(values), window=Window.from_slices(*place))
-                    for band_sums, band_values in zip(sums, values, strict=True):
-                        band_sums.add(band_values)
-
-            yield write
-            for number, band_sums in enumerate(sums, start=1):
-                raster.update_tags(number, **band_sums.tags(grid.rows * grid.columns))
-        options = _COG_OPTIONS | ({"PREDICTOR": "STANDARD"} if counts else {})
-        version = "AUTO" if reported_crs(crs) == crs else "1.0"
-        copy(scratch, unfinished, GEOTIFF_VERSION=version, NUM_THREADS=str(threads()), **options)
+            yield raster
+        copy(scratch, unfinished, NUM_THREADS=str(threads()), **options)
 
 
 def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:

@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
 from rasterio.enums import ColorInterp
-from rasterio.shutil import copy
 from rasterio.windows import Window
 
 from furrowmap.core.images.colouring import OPAQUE, Colours
@@ -20,9 +18,8 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import COG_BLOCK, tags_of
+from furrowmap.exporters.rasters.cog import COG_BLOCK, scratch_raster
 from furrowmap.exporters.rasters.windows import windows
 
 PART_CELLS: Final = 200
@@ -40,7 +37,6 @@ _JPEG_OPTIONS: Final = {
     "OVERVIEW_RESAMPLING": "AVERAGE",
     "BIGTIFF": "IF_SAFER",
 }
-_CACHE_BYTES: Final = 64 << 20
 
 
 def write_orthophoto(
@@ -57,25 +53,14 @@ def write_orthophoto(
     map; raises InputError if the surface cannot be read.
     """
     covered = 0
-    with (
-        open_geotiff(surface, _unusable, with_heights=False) as heights,
-        atomic_output(path) as unfinished,
-        rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES),
-    ):
+    with open_geotiff(surface, _unusable, with_heights=False) as heights:
         cell_m, west, north = heights.transform.a, heights.transform.c, heights.transform.f
         grid = Grid(cell_m, round(west / cell_m), round(north / cell_m), (heights.height, heights.width))
         finer = colours.pixels_a_cell(cell_m)
         whole = Grid(cell_m / finer, grid.west * finer, grid.north * finer, (grid.rows * finer, grid.columns * finer))
-        scratch = unfinished.with_name(f"{unfinished.name}.bands")
-        profile = _SCRATCH_RGBA | {
-            "height": whole.rows,
-            "width": whole.columns,
-            "crs": heights.crs,
-            "transform": rasterio.Affine(*whole.transform),
-        }
-        with rasterio.open(scratch, "w", **profile) as raster:
+        profile = {**_SCRATCH_RGBA, "crs": heights.crs}
+        with scratch_raster(path, whole, profile, _JPEG_OPTIONS, replace(origin, title=ORTHOPHOTO_TITLE)) as raster:
             raster.colorinterp = [ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha]
-            raster.update_tags(**tags_of(replace(origin, title=ORTHOPHOTO_TITLE)))
             done = 0
             for part, picture in _pictures(heights, grid, colours, finer, origin_m):
                 rows, columns = part.window_in(grid)
@@ -83,7 +68,6 @@ def write_orthophoto(
                 covered += int(np.count_nonzero(picture[3] == OPAQUE))
                 done += part.rows * part.columns
                 progress("making orthophoto", done / (grid.rows * grid.columns))
-        copy(scratch, unfinished, NUM_THREADS=str(threads()), **_JPEG_OPTIONS)
     return covered * whole.cell_area_m2
 
 
