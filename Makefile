@@ -133,7 +133,6 @@ pages: $(INSTALLED)  ## write the generated pages of docs again
 	$(BIN)/python scripts/command_reference.py
 	$(BIN)/python scripts/reader_reference.py
 	$(BIN)/python scripts/scenario_reference.py
-	$(BIN)/python scripts/product_reference.py
 	$(BIN)/python scripts/plugin_commands.py
 	$(BIN)/python scripts/plugin_strings.py
 	$(BIN)/python scripts/house_graph.py

@@ -106,37 +106,12 @@ def packaged_styles() -> frozenset[str]:
 RUN_RASTERS: Final = (
     DSM, DSM_BEFORE, CHANGE, SWATHS, DTM, HEIGHT_ABOVE_GROUND, DENSITY, STRIP_OVERLAP, CROP_HEIGHT, ORTHOPHOTO,
 )  # fmt: skip
-RUN_PRODUCTS: Final = {
-    CLOUD: "points: LAS 1.4, point format 6, or 7 with the colours of a session with `[camera]`; cloud optimised, "
-    "also a valid LAZ file",
-    DSM: "surface at the end, in cells of 5 cm",
-    DSM_BEFORE: "surface before the tool passed",
-    CHANGE: "change of the surface: after minus before",
-    SWATHS: "height differences between swaths over the same ground; absent where no ground was seen twice",
-    DTM: "terrain model of a flight: the ground below crops and trees",
-    HEIGHT_ABOVE_GROUND: "`dsm.tif` minus the ground, of a flight",
-    DENSITY: "points a square metre, of a flight",
-    STRIP_OVERLAP: "number of strips that cover the ground, of a flight",
-    ORTHOPHOTO: "true orthophoto: `dsm.tif` in the colours of the images, of a session with `[camera]`",
-    CROP_HEIGHT: "height of the crop above the soil in pixels of 4 cm, of a session with `[parcels]`",
-    PARCEL_TABLE: "the figures of the layer `parcels` as a table",
-    PARCEL_SHEET: "the same as a spreadsheet, with the extra `trials`",
-    **{style_of(name): f"style of `{name}`, which QGIS loads with it" for name in RUN_RASTERS},
-    FIELD: "the layers below, each with its style stored inside",
-    LEARNED: "model of the implement, for `[implement] learned` of later [sessions](session.md) of the machine",
-    STATES: "times at which the tool was lowered and lifted: [a table](readers.md#implement-states-in-csv) that a "
-    "session can read under `[implement] states`",
-    **{of_tool(LEARNED, number): f"the same of implement {number} of several" for number in FURTHER_TOOLS},
-    **{of_tool(STATES, number): f"the times of implement {number} of several" for number in FURTHER_TOOLS},
-    REPORT: "figures, clocks, warnings, inputs with their SHA-256, timings",
-    REPORT_PAGE: "the same as a page: map, figures, the implement over time, GNSS quality, accuracy and warnings; it "
-    "needs no other files and no network",
-    SESSION_FILE: "the session with all defaults; its first lines give the path of the original, to which its paths "
-    "are relative",
-    ITEM: "the run as a STAC 1.1 item (projection and pointcloud extensions); `furrowmap export … --to stac` makes a "
-    "collection of many",
-}
-"""All files that `furrowmap run` may write, and their content in Markdown."""
+RUN_PRODUCTS: Final = (
+    *(CLOUD, *RUN_RASTERS, PARCEL_TABLE, PARCEL_SHEET, *map(style_of, RUN_RASTERS), FIELD, LEARNED, STATES),
+    *(of_tool(product, number) for product in (LEARNED, STATES) for number in FURTHER_TOOLS),
+    *(REPORT, REPORT_PAGE, SESSION_FILE, ITEM),
+)
+"""All files that `furrowmap run` may write."""
 SURFACE_PRODUCTS: Final = (
     DSM, DTM, HEIGHT_ABOVE_GROUND, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES, SURFACES_REPORT,
 )  # fmt: skip
