@@ -29,6 +29,7 @@ from furrowmap.exporters.files.qgis_project import (
     put_point_cloud_layer,
     put_raster_layer,
     put_text,
+    put_tree_layer,
     put_vector_layer,
     put_view,
 )
@@ -160,19 +161,12 @@ def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
         inside = [x for x in layers if x.name in names or (title == _OTHERS and x.name not in named)]
         if not inside:
             continue
-        shown = "Qt::Unchecked" if title == _DETAILS else "Qt::Checked"
-        named_so = {
-            "name": translated(title, language_of_user()),
-            "checked": shown,
-            "expanded": str(int(title != _DETAILS)),
-        }
-        group = ET.SubElement(tree, "layer-tree-group", named_so)
+        name, folded = translated(title, language_of_user()), title == _DETAILS
+        state = {"checked": "Qt::Unchecked" if folded else "Qt::Checked", "expanded": str(int(not folded))}
+        group = ET.SubElement(tree, "layer-tree-group", {"name": name, **state})
         for layer in inside:
-            checked = "Qt::Unchecked" if layer.name in _HIDDEN_AT_FIRST else "Qt::Checked"
-            state = {"checked": checked, "expanded": "1" if layer.name == "coverage" else "0"}
-            source = {"source": layer.source, "providerKey": layer.provider}
-            shown_as = {"id": layer.id, "name": layer.title or layer.name}
-            ET.SubElement(group, "layer-tree-layer", shown_as | source | state)
+            shown = layer.name not in _HIDDEN_AT_FIRST
+            put_tree_layer(group, layer, checked=shown, expanded=layer.name == "coverage")
 
 
 def _put_relations(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:

@@ -263,8 +263,7 @@ def read_tasks(path: Path, zone: ZoneInfo | None = None) -> list[SessionResult]:
         crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
         figures, digest = layers.pop(FIELDS_LAYER), hashlib.sha256(path.read_bytes()).hexdigest()
         results = []
-        for row in range(len(figures.shapes)):
-            task = {name: _plain(values, row) for name, values in figures.columns.items()}
+        for task in figures.rows():
             own = {name: _features_of(layer, "task", str(task["task"]), "field") for name, layer in layers.items()}
             results.append(_task_result(path.resolve(), task, own, crs, digest, zone))
         return results
@@ -322,13 +321,6 @@ def _features_of(layer: Layer, column: str, value: str | None, *left_out: str) -
     mine = layer.columns[column] == value
     columns = {name: values[mine] for name, values in layer.columns.items() if name not in (column, *left_out)}
     return replace(layer, shapes=layer.shapes[mine], columns=columns)
-
-
-def _plain(values: NDArray[Any], row: int) -> Any:
-    if np.ma.getmaskarray(values)[row]:
-        return None
-    value = np.ma.getdata(values)[row]
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def _no_tasks(path: Path, why: str) -> InputError:

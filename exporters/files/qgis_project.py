@@ -78,6 +78,13 @@ def put_view(root: ET.Element, crs: CRS, bounds: tuple[float, float, float, floa
     put_text(ET.SubElement(properties, "SpatialRefSys"), "ProjectionsEnabled", "1", type="int")
 
 
+def put_tree_layer(tree: ET.Element, layer: ProjectLayer, *, checked: bool, expanded: bool = False) -> None:
+    """A layer in the layer tree of a project, or in a group of it."""
+    attributes = {"id": layer.id, "name": layer.title or layer.name, "source": layer.source}
+    state = {"checked": "Qt::Checked" if checked else "Qt::Unchecked", "expanded": str(int(expanded))}
+    ET.SubElement(tree, "layer-tree-layer", {**attributes, "providerKey": layer.provider, **state})
+
+
 def put_vector_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
     """A vector layer or a table, in the CRS of the map."""
     geometry = next((word for word in ("Polygon", "Line", "Point") if word in layer.kind), "No geometry")

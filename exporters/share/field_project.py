@@ -18,6 +18,7 @@ from furrowmap.exporters.files.qgis_project import (
     project_root,
     project_text,
     put_raster_layer,
+    put_tree_layer,
     put_vector_layer,
     put_view,
 )
@@ -82,9 +83,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         put_raster_layer(within, layer, crs)
         shown[layer] = name in SHOWN_AT_FIRST
     for layer, checked in shown.items():
-        attributes = {"id": layer.id, "name": layer.title, "source": layer.source, "providerKey": layer.provider}
-        attributes |= {"checked": "Qt::Checked" if checked else "Qt::Unchecked", "expanded": "0"}
-        ET.SubElement(tree, "layer-tree-layer", attributes)
+        put_tree_layer(tree, layer, checked=checked)
     put_view(root, crs, bounds)
     (staging / PROJECT_FILE).write_text(project_text(root), encoding="utf-8")
     progress("writing the project", 1.0)

@@ -73,6 +73,11 @@ class Layer:
         """Name and numpy type of each field."""
         return tuple((name, values.dtype.str) for name, values in self.columns.items())
 
+    def rows(self) -> list[dict[str, Any]]:
+        """The values of each feature by field, as Python has them; None for masked ones."""
+        cells = [np.ma.asarray(values).tolist() for values in self.columns.values()]
+        return [dict(zip(self.columns, row, strict=True)) for row in zip(*cells, strict=True)]
+
 
 def concatenate_layers(layers: Sequence[Layer]) -> Layer:
     """One layer with the features of several that have the same fields."""

@@ -32,7 +32,6 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.vectors.crop_layers import growth_layer, write_parcel_table
-from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.settings import GrowthSettings
 from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
@@ -86,7 +85,7 @@ def growth(
         write_styled_layers(staging / GROWTH, [layer], opened.crs, origin)
         write_parcel_table(staging / GROWTH_TABLE, layer)
         if find_spec("openpyxl") is not None:
-            write_workbook(staging / GROWTH_WORKBOOK, {"growth": _rows(layer)})
+            write_workbook(staging / GROWTH_WORKBOOK, {"growth": layer.rows()})
         for notice in (notices := [*notices, *_unmeasured_notices(grown)]):
             warn(notice)
         alignments = [None, *(change.plain() for change in changes)]
@@ -98,7 +97,7 @@ def growth(
                 {"day": str(day), "clouds": [each.path.name for each in part.files], "alignment": alignment}
                 for (day, part), alignment in zip(by_day.items(), alignments, strict=True)
             ],
-            "parcels": _rows(layer),
+            "parcels": layer.rows(),
         }
         return write_account(staging, GROWTH_REPORT, opened, records, content, notices)
 
@@ -130,12 +129,6 @@ def _day_of_points(part: Clouds, parcels: Sequence[Parcel]) -> dt.date:
         if batch.t_s is None:
             break
     raise InputError("cloud-day", files=part.files[0].path)
-
-
-def _rows(layer: Layer) -> list[dict[str, Any]]:
-    """A row for each parcel."""
-    cells = [values.tolist() if values.dtype != object else list(values) for values in layer.columns.values()]
-    return [dict(zip(layer.columns, row, strict=True)) for row in zip(*cells, strict=True)]
 
 
 def _unmeasured_notices(grown: Sequence[GrownParcel]) -> list[Notice]:

@@ -162,37 +162,33 @@ class RunProducts:
             measured = perf_counter()
         # Seconds of the parcels beyond those of the cloud, and of the surfaces beyond those of both.
         seconds = {"cloud": written - begin, "surfaces": perf_counter() - measured}
-        made = Made(found, inputs, summary, rasters.result(), seconds)
         notices = list(found.notices)
+        coloured = measured_parcels = checked = features = None
         if self.colours is not None:
             coloured, uncoloured = self.colours.figures()
-            made = replace(made, colours=coloured)
             notices += uncoloured
         if parcels is not None:
             seconds["parcels"] = measured - written
             east_m, north_m = np.sqrt(np.mean(found.placement.poses.sigma[:, :2] ** 2, axis=0)).tolist()
-            made = replace(made, parcels=held_against_surface(parcels.result(), staging, (east_m, north_m)))
-            assert made.parcels is not None
-            notices += made.parcels.notices
-            found = _with_shift(found, made.parcels.shift)
+            measured_parcels = held_against_surface(parcels.result(), staging, (east_m, north_m))
+            notices += measured_parcels.notices
+            found = _with_shift(found, measured_parcels.shift)
         if (points := opened.inputs.check_points) is not None and (staging / DSM).is_file():
             sigma = found.placement.poses.sigma.copy()
             at_points = surface_at_points(staging / DSM, points)
-            made = replace(made, checked=HeldHeights.of(at_points, float(np.sqrt(np.mean(sigma[:, 2] ** 2)))))
-            assert made.checked is not None
-            if (notice := made.checked.notice(points.name)) is not None:
+            checked = HeldHeights.of(at_points, float(np.sqrt(np.mean(sigma[:, 2] ** 2))))
+            if (notice := checked.notice(points.name)) is not None:
                 notices.append(notice)
-            if notice is not None and notice.code == CHECK_POINTS_OFF:
-                sigma[:, 2] = np.hypot(sigma[:, 2], made.checked.off_m)
-                found = _with_sigma(found, sigma)
-        stated = found.session.features
-        if stated is not None and summary.points:
+                if notice.code == CHECK_POINTS_OFF:
+                    sigma[:, 2] = np.hypot(sigma[:, 2], checked.off_m)
+                    found = _with_sigma(found, sigma)
+        if (stated := found.session.features) is not None and summary.points:
             begin = perf_counter()
             features = run_features(staging / CLOUD, stated, progress)
             seconds["features"] = perf_counter() - begin
-            made = replace(made, features=features)
             notices += features.notices
-        return replace(made, found=replace(found, notices=tuple(notices)))
+        found = replace(found, notices=tuple(notices))
+        return Made(found, inputs, summary, rasters.result(), seconds, measured_parcels, coloured, features, checked)
 
     def _surfaces(self, found: RunResult, origin: Origin, progress: Progress) -> RasterFigures | None:
         """Write the rasters, and the orthophoto of the surface among them."""
