@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     import pyproj
     from rasterio import Affine
 
-if TYPE_CHECKING:
-    import pyproj
-
 
 _LAS_ATTRIBUTES: Final = ("intensity", "return_number", "returns", "classification", "point_source_id")
 POINT: Final = np.dtype(

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import pyogrio
+import pyogrio.raw
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
@@ -17,12 +20,6 @@ from furrowmap.core.runtime.errors import InputError
 
 if TYPE_CHECKING:
     import geopandas
-
-from collections.abc import Iterator
-from contextlib import contextmanager
-
-import pyogrio
-import pyogrio.raw
 
 pyogrio.set_gdal_config_options({"GDAL_PAM_ENABLED": False})
 

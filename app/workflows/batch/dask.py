@@ -119,7 +119,7 @@ class DaskWorkers:
                 self.client = self._connected()
             except (OSError, TimeoutError, RuntimeError, CancelledError):
                 if monotonic() > until:
-                    raise _lost_scheduler() from None
+                    raise FurrowmapError("batch-scheduler-lost", reconnect_s=RECONNECT_S) from None
             else:
                 return
 
@@ -144,7 +144,7 @@ def _worker_processes(workers: int) -> LocalCluster:
             )
         except RuntimeError as error:
             if not left:
-                raise _not_started(error) from error
+                raise FurrowmapError("batch-no-workers", error=error) from error
     raise AssertionError
 
 
@@ -173,13 +173,5 @@ def _result(future: Any) -> Any:
     raise _unusable(error)
 
 
-def _not_started(error: BaseException) -> FurrowmapError:
-    return FurrowmapError("batch-no-workers", error=error)
-
-
 def _unusable(error: BaseException) -> FurrowmapError:
     return FurrowmapError("batch-cluster", name=type(error).__name__, error=error)
-
-
-def _lost_scheduler() -> FurrowmapError:
-    return FurrowmapError("batch-scheduler-lost", reconnect_s=RECONNECT_S)
