@@ -1,6 +1,5 @@
 """Shaded relief from the coarse levels of a cloud, as the background of a map."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -24,16 +23,11 @@ VERTICAL_EXAGGERATION: Final = 3.0
 DARKEST_GREY: Final = 150.0
 
 
-@dataclass(frozen=True)
-class ShadedRelief:
-    """Shaded relief of the ground: `pixels` (rows, columns, 2) are uint8 grey and alpha, north on top."""
+def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> NDArray[np.uint8] | None:
+    """Shaded relief of the ground in a box, from the coarse levels of a COPC file; None for no points.
 
-    pixels: NDArray[np.uint8]
-    box_m: Box
-
-
-def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> ShadedRelief | None:
-    """The relief within a box, from the coarse levels of a COPC file; None for no points."""
+    Pixels (rows, columns, 2) of grey and alpha, north on top, which fill the box.
+    """
     enough = int(np.searchsorted(np.cumsum(points_by_level), MAX_RELIEF_POINTS, side="right"))
     west, south, east, north = box_m
     with laspy.CopcReader.open(cloud) as reader:
@@ -50,7 +44,7 @@ def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> 
     column = np.clip(((x - west) * (columns / width_m)).astype(np.intp), 0, columns - 1)
     row = np.clip(((north - y) * (rows / height_m)).astype(np.intp), 0, rows - 1)
     lowest = _lowest(row * columns + column, z, rows * columns).reshape(rows, columns)
-    return ShadedRelief(_shaded(lowest, cell_m), box_m)
+    return _shaded(lowest, cell_m)
 
 
 def _lowest(cell: NDArray[np.intp], z: FloatArray, cells: int) -> FloatArray:

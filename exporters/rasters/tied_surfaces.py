@@ -228,19 +228,20 @@ class ChangeFigures:
     untouched_m: FloatArray
 
 
-@dataclass(frozen=True)
-class ChangedGround:
-    """Ground by what tools did: between two dates, on the first or earlier, and on either or between, with a margin."""
-
-    worked: BaseGeometry
-    before: BaseGeometry
-    touched: BaseGeometry
-
-
 def write_change(
-    path: Path, pair: tuple[Mover, Mover], ground: ChangedGround, crs: CRS, origin: Origin
+    path: Path,
+    pair: tuple[Mover, Mover],
+    crs: CRS,
+    origin: Origin,
+    *,
+    worked: BaseGeometry,
+    before: BaseGeometry,
+    touched: BaseGeometry,
 ) -> ChangeFigures | None:
     """Write the change between two dates where both saw the ground; None where they share no cell.
+
+    `worked` is the ground that tools worked between the dates, `before` on the first or earlier, `touched` on either or
+    between, with a margin.
 
     Ground worked for the first time rises by centimetres, ground worked again hardly, and is better seen, as it lies
     where the earlier drive was: they are two kinds.
@@ -258,12 +259,12 @@ def write_change(
             put(part, (change, np.where(np.isfinite(change), error, np.float32(np.nan))))
             relief = np.hypot(other.surface.read(part, SPREAD_INDEX), one.surface.read(part, SPREAD_INDEX))
             now, again = (
-                cells_inside(ground.worked, part, touched=False),
-                cells_inside(ground.before, part, touched=False),
+                cells_inside(worked, part, touched=False),
+                cells_inside(before, part, touched=False),
             )
             sums.add(now * (1 + again), change, error, relief, first, one.surface.read(part, RETURNS_INDEX))
             places.append(part.positions_m()[(now & np.isfinite(change)).ravel()][::20])
-            still = np.isfinite(change) & ~cells_inside(ground.touched, part, touched=True)
+            still = np.isfinite(change) & ~cells_inside(touched, part, touched=True)
             calm.append(change[still][::5])
     still_m = np.concatenate(calm).astype(np.float64)
     return ChangeFigures(sums.mean(grid.cell_area_m2, (1, 2)), np.concatenate(places), still_m)

@@ -17,7 +17,7 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import Motion, ScanPoses
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.exporters.rasters.relief import Box, ShadedRelief
+from furrowmap.exporters.rasters.relief import Box
 from furrowmap.exporters.reports.svg import (
     WIDTH,
     Axis,
@@ -76,7 +76,7 @@ def padded_bounds(shapes: list[BaseGeometry], margin_m: float) -> Box:
     return west - margin_m, south - margin_m, east + margin_m, north + margin_m
 
 
-def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: ShadedRelief | None) -> Markup:
+def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: NDArray[np.uint8] | None) -> Markup:
     """The worked ground over the relief; the vehicle's path where the tool's is unknown."""
     sheet = Sheet(box_m)
     parts = [sheet.image(relief)] if relief is not None else []

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.exporters.rasters.images import data_uri
-from furrowmap.exporters.rasters.relief import Box, ShadedRelief
+from furrowmap.exporters.rasters.relief import Box
 
 Number = float | FloatArray
 """A coordinate; an array has a single value."""
@@ -84,10 +84,9 @@ class Sheet:
         west, south, east, north = self.box_m
         return (east - west) * self.scale, (north - south) * self.scale
 
-    def image(self, relief: ShadedRelief) -> str:
-        """An image."""
-        (x, y), (right, bottom) = self._at(np.array([relief.box_m[::3], relief.box_m[2:0:-1]])).tolist()
-        return image(x, y, right, bottom, relief.pixels)
+    def image(self, pixels: NDArray[np.uint8]) -> str:
+        """An image (rows, columns, channels) of the whole area, north on top."""
+        return image(0.0, 0.0, *self.size, pixels)
 
     def area(self, shape: BaseGeometry, kind: str, **look: str) -> str:
         """A polygon."""

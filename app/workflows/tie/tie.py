@@ -36,7 +36,6 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.rasters.tied_surfaces import (
-    ChangedGround,
     ChangeFigures,
     DatedSurface,
     Mover,
@@ -316,14 +315,16 @@ def _write_changes(
             continue
         j, b = later[0], work.first + later[0]
         one, other = work.dates[k], work.dates[j]
-        ground = ChangedGround(
-            union_shapes(worked_by[k + 1 : j + 1]),
+        name = f"change_{k + 1:02d}_{j + 1:02d}.tif"
+        found = write_change(
+            staging / name,
+            (movers[k], movers[j]),
+            work.crs,
+            Origin(f"Change from {one.name} to {other.name}", inputs=origin.inputs),
+            worked=union_shapes(worked_by[k + 1 : j + 1]),
             before=union_shapes(worked_by[: k + 1]),
             touched=union_shapes([shape.buffer(BESIDE_M) for shape in worked_by[k : j + 1]]),
         )
-        name = f"change_{k + 1:02d}_{j + 1:02d}.tif"
-        own = Origin(f"Change from {one.name} to {other.name}", inputs=origin.inputs)
-        found = write_change(staging / name, (movers[k], movers[j]), ground, work.crs, own)
         if found is None:
             continue
         move, covariance = net.between(a, b)

@@ -18,7 +18,6 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import tied_surfaces
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, with_heights
 from furrowmap.exporters.rasters.tied_surfaces import (
-    ChangedGround,
     Mover,
     ground_pairs,
     union_shapes,
@@ -112,8 +111,8 @@ def test_pieces__need_cells_that_both_dates_saw(
     assert [pair.west_m for pair in ground_pairs(one, other, NOTHING)] == [pytest.approx(0.5)]
     away = surface(files, tmp_path / "away.tif", Grid(0.05, 2000, 1000, (20, 20)), np.zeros((20, 20)))
     assert not list(ground_pairs(one, away, NOTHING))
-    ground = ChangedGround(NOTHING, NOTHING, NOTHING)
-    assert write_change(tmp_path / "c.tif", movers(one, away), ground, JAPAN, ORIGIN) is None
+    ground = {"worked": NOTHING, "before": NOTHING, "touched": NOTHING}
+    assert write_change(tmp_path / "c.tif", movers(one, away), JAPAN, ORIGIN, **ground) is None
     assert not (tmp_path / "c.tif").exists()
 
 
@@ -146,11 +145,13 @@ def test_change__is_told_for_worked_and_for_untouched_ground(files: ExitStack, t
     later[(east < 3.0) & (north > 5.0)] = np.nan
     one = surface(files, tmp_path / "a.tif", grid, np.full(grid.shape, 0.3), error_m=0.003, spread_m=0.006)
     other = surface(files, tmp_path / "b.tif", grid, later, error_m=0.004, spread_m=0.008)
-    ground = ChangedGround(
-        shapely.box(0.0, 0.0, 5.0, 10.0), shapely.box(3.0, 0.0, 20.0, 10.0), shapely.box(-1.0, 0.0, 6.0, 10.0)
-    )
+    ground = {
+        "worked": shapely.box(0.0, 0.0, 5.0, 10.0),
+        "before": shapely.box(3.0, 0.0, 20.0, 10.0),
+        "touched": shapely.box(-1.0, 0.0, 6.0, 10.0),
+    }
     path = tmp_path / "change.tif"
-    found = write_change(path, movers(one, other), ground, JAPAN, ORIGIN)
+    found = write_change(path, movers(one, other), JAPAN, ORIGIN, **ground)
     assert found is not None
     with rasterio.open(path) as raster:
         assert raster.descriptions == ("change", "standard error")
