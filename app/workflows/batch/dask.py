@@ -144,7 +144,7 @@ def _worker_processes(workers: int) -> LocalCluster:
             )
         except RuntimeError as error:
             if not left:
-                raise FurrowmapError("batch-no-workers", error=error) from error
+                raise _not_started(error) from error
     raise AssertionError
 
 
@@ -171,6 +171,10 @@ def _result(future: Any) -> Any:
     if isinstance(error, KilledWorker):
         return WorkerDied()
     raise _unusable(error)
+
+
+def _not_started(error: BaseException) -> FurrowmapError:
+    return FurrowmapError("batch-no-workers", error=error)
 
 
 def _unusable(error: BaseException) -> FurrowmapError:

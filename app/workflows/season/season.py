@@ -324,8 +324,12 @@ def _make(due: Sequence[tuple[str, Any]], accounts: dict[str, Any], force: Workf
         if isinstance(found, FurrowmapError):
             raise found
         if not isinstance(found, dict):
-            raise FurrowmapError("season-worker-lost", name=name, attempts=ATTEMPTS)
+            raise _lost(name)
         accounts[name] = found
+
+
+def _lost(name: str) -> FurrowmapError:
+    return FurrowmapError("season-worker-lost", name=name, attempts=ATTEMPTS)
 
 
 def _put_record(staging: Path, parts: Mapping[str, Planned], accounts: Mapping[str, Any]) -> None:
