@@ -81,9 +81,8 @@ class OpenSurface:
 
     def read(self, part: Grid, band: int = 1) -> Float32Array:
         """A band, by default the heights, on the cells of `part`: nan beside the raster, and without such a band."""
-        if band <= self.raster.count:
-            return self.read_bands(part, [band])[0]
-        return np.full(part.shape, np.nan, np.float32)
+        found = self.read_bands(part, [band]) if band <= self.raster.count else np.full(part.shape, np.nan, np.float32)
+        return found.reshape(part.shape)
 
     def read_bands(self, part: Grid, bands: Sequence[int]) -> Float32Array:
         """Bands (bands, rows, columns) on the cells of `part`, nan where there is no value."""

@@ -25,7 +25,7 @@ HEADER = ("time", "t_s", "state", "sigma_s", "confidence", "common_share")
 
 def write_states(path: Path, states: ToolStates) -> None:
     """Write a row for each change of state, with all digits of `t_s`."""
-    rows = []
+    rows: list[tuple[Any, ...]] = []
     for k in range(len(states)):
         word = ToolState(int(states.state[k])).label
         rows.append((states.begin_s[k], word, states.begin_sigma_s[k], states.confidence[k]))
