@@ -1,25 +1,87 @@
 """Choice of a projected CRS for a site."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 from pyproj import CRS
 from pyproj.database import CRSInfo, query_utm_crs_info
 
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import AREA_MARGIN_DEG, MAX_SCALE_ERROR, scale_of
-from furrowmap.core.runtime.tables import own_table
 
+_ZONES_OF_JAPAN: Final = {
+    6669: "Nagasaki and the western islands of Kagoshima",
+    6670: "Fukuoka, Saga, Kumamoto, Oita, Miyazaki, Kagoshima",
+    6671: "Yamaguchi, Shimane, Hiroshima",
+    6672: "Kagawa, Ehime, Tokushima, Kochi",
+    6673: "Hyogo, Tottori, Okayama",
+    6674: "Kyoto, Osaka, Fukui, Shiga, Mie, Nara, Wakayama",
+    6675: "Ishikawa, Toyama, Gifu, Aichi",
+    6676: "Niigata, Nagano, Yamanashi, Shizuoka",
+    6677: "Tokyo, Fukushima, Tochigi, Ibaraki, Saitama, Chiba, Gunma, Kanagawa",
+    6678: "Aomori, Akita, Yamagata, Iwate, Miyagi",
+    6679: "western Hokkaido, such as Otaru, Hakodate, Date",
+    6680: "central Hokkaido, such as Sapporo, Asahikawa, Tomakomai, Wakkanai",
+    6681: "eastern Hokkaido, such as Obihiro, Kitami, Kushiro, Nemuro",
+    6682: "Ogasawara",
+    6683: "Okinawa's main islands",
+    6684: "Miyako and Yaeyama",
+    6685: "Daito",
+    6686: "Okinotorishima",
+    6687: "Minamitorishima",
+}
+"""EPSG codes of JGD2011 plane rectangular zones I to XIX with their prefectures (MLIT public notice no. 9 of 2002)."""
 _ETRS89: Final = range(25828, 25838)
 """ETRS89 / UTM zones 28N to 37N, where a country of Europe has no map of its own on that datum (EUREF, INSPIRE)."""
+_OF_COUNTRIES: Final[Mapping[str, tuple[Sequence[int], ...]]] = {
+    "AR": (range(5343, 5350),),  # IGN: POSGAR 2007, seven belts
+    "AU": (range(7846, 7860),),  # ICSM: GDA2020 / MGA
+    "BE": ((3812,),),  # NGI: Belgian Lambert 2008
+    "BG": ((7801,),),  # AGCC: BGS2005 / CCS2005
+    "BR": ((*range(31972, 31986), 6210, 6211),),  # IBGE, resolution 1 of 2005: SIRGAS 2000 / UTM
+    "CA": ((*range(2955, 2963), *range(3154, 3161), 3761),),  # NRCan: NAD83(CSRS) / UTM
+    "CN": (range(4534, 4555),),  # Ministry of Natural Resources: CGCS2000, zones of 3 degrees
+    "CO": ((9377,),),  # IGAC, resolution 471 of 2020: Origen-Nacional
+    "DE": ((25832, 25833),),  # AdV: UTM zones 32 and 33
+    "DK": ((25832,), (25833,)),  # Climate Data Agency: zone 32 for all but Bornholm
+    "EE": ((3301,),),  # Land Board: L-EST97
+    "ES": ((25829, 25830, 25831), (4082, 4083)),  # Royal decree 1071/2007: ETRS89, on the Canaries REGCAN95
+    "FI": ((3067,),),  # NLS, JHS 197: TM35FIN
+    "FR": ((2154,),),  # Decree 2000-1276: Lambert-93
+    "HR": ((3765,),),  # Geodetic Administration: HTRS96 / TM
+    "IE": ((2157,),),  # Tailte Éireann: Irish Transverse Mercator
+    "IS": ((8088,),),  # Natural Science Institute: Lambert 2016
+    "IT": ((7791, 7792, 7793),),  # Decree of 10 November 2011: RDN2008
+    "KR": ((5185, 5186, 5187, 5188),),  # NGII: belts of 2010
+    "LT": ((3346,),),  # LKS-94
+    "LV": ((3059,),),  # LKS-92
+    "MX": (range(6366, 6372),),  # INEGI: ITRF2008
+    "NO": (range(25832, 25837),),  # Kartverket: zone 32 up to the west coast
+    "NZ": ((2193,), (2133, 2134, 2135)),  # LINZ: NZTM2000
+    "PL": ((2180,),),  # Regulation of 15 October 2012: PL-1992
+    "PT": ((3763,), (5014, 5015, 5016)),  # DGT: PT-TM06, on the islands PTRA08
+    "SE": ((3006,),),  # Lantmäteriet: SWEREF 99 TM
+    "SI": ((3794,),),  # D96/TM
+    "TR": (range(5253, 5260),),  # Regulation on large-scale maps: TUREF, zones of 3 degrees
+    "TW": ((3826, 3825),),  # NLSC: TWD97 / TM2
+    "US": ((*range(6328, 6349), 6634, 6635),),  # NGS: NAD83(2011), on Hawaii NAD83(PA11)
+    "UY": ((5382, 5383),),  # IGM: SIRGAS-ROU98
+}
+"""EPSG codes of a country's maps, the preferred ones first, on datums of satellite positions; with who chose them."""
 _ON_ETRS89: Final = (
     "AD AL AT BA BE BG CH CY CZ DE DK EE ES FI FR GB GG GI GR HR HU IE IM IT JE LI LT LU LV MC ME MK MT NL NO PL PT RO "
     "RS SE SI SJ SK SM VA"
 )
 """Codes of countries on ETRS89."""
+_OLDER: Final = {
+    "AT": 31287, "CH": 2056, "CZ": 5514, "GB": 27700, "GR": 2100, "HU": 23700, "LI": 2056, "LU": 2169, "NL": 28992,
+    "RO": 3844, "SK": 5514,
+}  # fmt: skip
+"""National maps on datums in which no satellite service gives positions."""
 _NEAR_ZONE_DEG: Final = 0.1
 _NEAR_UTM_DEG: Final = 0.5
 """Distance from a zone border (10 and about 50 km) within which the neighbouring zone is an alternative."""
@@ -50,10 +112,9 @@ def choose_crs(lon_deg: float, lat_deg: float) -> CrsChoice | None:
 
 def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     """The zone of Japan by bounding boxes, the most central first where they overlap; None outside all of them."""
-    japan = _maps("japan")
     zones = sorted(
         (_eccentricity(area.bounds, lon_deg, lat_deg), code)
-        for code in map(int, japan)
+        for code in _ZONES_OF_JAPAN
         if (area := CRS.from_epsg(code).area_of_use) is not None
         and _outside_deg(area.bounds, lon_deg, lat_deg) <= _NEAR_ZONE_DEG
     )
@@ -63,8 +124,8 @@ def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     return CrsChoice(
         code=f"EPSG:{best}",
         name=CRS.from_epsg(best).name,
-        reason=f"{_place(lon_deg, lat_deg)} lies in its area of use ({japan[str(best)]})",
-        alternatives=tuple(f"EPSG:{code} for {japan[str(code)]}" for code in others),
+        reason=f"{_place(lon_deg, lat_deg)} lies in its area of use ({_ZONES_OF_JAPAN[best]})",
+        alternatives=tuple(f"EPSG:{code} for {_ZONES_OF_JAPAN[code]}" for code in others),
     )
 
 
@@ -73,8 +134,10 @@ def _national(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     country = _countries().get(zone_at(lon_deg, lat_deg).key)
     if country is None:
         return None
-    own = [_codes(family) for family in _maps("countries").get(country.code, ())]
-    families = [*own, _ETRS89] if country.code in _ON_ETRS89 else own
+    own = _OF_COUNTRIES.get(country.code, ())
+    families = own
+    if country.code in _ON_ETRS89:
+        families += (_ETRS89,)
     suitable = sorted(
         (family, outside_deg, code)
         for family, codes in enumerate(families)
@@ -90,7 +153,7 @@ def _national(lon_deg: float, lat_deg: float) -> CrsChoice | None:
         for number, outside_deg, code in suitable[1:]
         if number == family and outside_deg <= _NEAR_UTM_DEG
     ]
-    if older := _maps("older").get(country.code):
+    if older := _OLDER.get(country.code):
         name = CRS.from_epsg(older).name
         others.append(f"EPSG:{older} ({name}) for the products, with `furrowmap export --dst-crs`")
     return CrsChoice(
@@ -100,17 +163,6 @@ def _national(lon_deg: float, lat_deg: float) -> CrsChoice | None:
         + (f" lies in {country.name}, whose maps use it" if family < len(own) else " lies in this zone"),
         alternatives=tuple(others),
     )
-
-
-def _maps(part: str) -> dict[str, Any]:
-    """A table of `national_maps.toml`."""
-    return own_table("geodesy", "national_maps")[part]  # type: ignore[no-any-return]
-
-
-def _codes(family: str) -> list[int]:
-    """EPSG codes written as "2955-2962 3761"."""
-    spans = (part.partition("-") for part in family.split())
-    return [code for first, _, last in spans for code in range(int(first), int(last or first) + 1)]
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.messages import (
-    MessageCounts,
-    Messages,
-    at_equal,
-    count_foreign,
-    message_layouts,
-    message_names,
-    scan_stream,
-)
+from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, count_foreign, scan_stream
 from furrowmap.core.readers.position_log import (
     MIN_INTACT_SHARE,
     LoggedPositions,
@@ -39,8 +31,26 @@ from furrowmap.core.values.gnss import Fix
 
 TIME, PLACE, VELOCITY, DILUTION, SIGMAS, ATTITUDE, SOLUTION = 1, 2, 8, 9, 12, 27, 38
 """Types of the records that are read."""
-_LAYOUTS: Final = message_layouts("gsof")
+_LAYOUTS: Final = {
+    TIME: np.dtype([("ms", ">u4"), ("week", ">u2"), ("satellites", "u1"), ("flags", "u1"), ("solution", "u1")]),
+    PLACE: np.dtype([("lat", ">f8"), ("lon", ">f8"), ("height", ">f8")]),
+    VELOCITY: np.dtype([("flags", "u1"), ("speed", ">f4"), ("course", ">f4")]),
+    DILUTION: np.dtype([("pdop", ">f4"), ("hdop", ">f4")]),
+    SIGMAS: np.dtype([("rms", ">f4"), ("e", ">f4"), ("n", ">f4"), ("en", ">f4"), ("h", ">f4")]),
+    ATTITUDE: np.dtype(
+        [("ms", ">u4"), ("valid", "u1"), ("satellites", "u1"), ("mode", ">u2"), ("pitch", ">f8"), ("yaw", ">f8")]
+    ),
+    SOLUTION: np.dtype([("scale", ">f4"), ("rtk", ">u2"), ("age", ">f4"), ("network", "u1")]),
+}
 """What all versions of a record begin with."""
+_NAMES: Final = {
+    1: "position time", 2: "lat long height", 3: "ECEF position", 4: "local datum", 5: "local zone", 6: "ECEF delta",
+    7: "tangent plane delta", 8: "velocity", 9: "PDOP", 10: "clock", 11: "position VCV", 12: "position sigma",
+    13: "SV brief", 14: "SV detailed", 15: "receiver serial number", 16: "current time", 26: "position time UTC",
+    27: "attitude", 33: "all SV brief", 34: "all SV detailed", 35: "received base", 37: "battery and memory",
+    38: "position type", 40: "L-band status", 41: "base position and quality", 49: "INS full navigation",
+    50: "INS RMS", 57: "radio",
+}  # fmt: skip
 _STX, _ETX, _GENOUT = b"\x02", 0x03, 0x40
 _PACKET_BYTES: Final = 6
 """Of a packet without content."""
@@ -112,7 +122,7 @@ class _Scanner:
                 if len(record) < max(size, layout.itemsize if layout else 0):
                     self.counts.bad += 1
                     continue
-                self.counts.kinds[message_names("gsof").get(kind, f"record {kind}")] += 1
+                self.counts.kinds[_NAMES.get(kind, f"record {kind}")] += 1
                 if layout:
                     self.found[kind].append((at, record[: layout.itemsize]))
 

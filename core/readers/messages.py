@@ -6,9 +6,8 @@ header format"), which differ only in a :class:`Framing`.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.core.runtime.tables import own_table
 
 FLETCHER, CRC = 0, 1
 """Checksums: Fletcher's of 8 bits (RFC 1145), which ends a frame and covers all behind its synchronisation; CRC-CCITT
@@ -342,29 +340,12 @@ def scan_stream(source: Source, counts: MessageCounts[Any], scan: Callable[[byte
         rest = piece[used:]
 
 
-@cache
-def message_names(form: str) -> dict[int, str]:
-    """The names of the messages of a format by their numbers, as `inspect` reports them."""
-    return {int(number, 0): name for number, name in own_table("readers", "message_names")[form].items()}
-
-
-def message_fields(form: str) -> Iterator[tuple[str, int, list[list[str]]]]:
-    """Key, least size in bytes, and fields of messages in `message_layouts.toml`: name … offset, type."""
-    for key, message in own_table("readers", "message_layouts")[form].items():
-        yield key, message["bytes"], [word.split(":") for word in message["fields"].split()]
-
-
-def message_layouts(form: str) -> dict[int, np.dtype[np.void]]:
-    """The records of the messages of a format by their numbers."""
-    return {int(number, 0): layout(size, fields) for number, size, fields in message_fields(form)}
-
-
-def layout(size: int, fields: Sequence[Sequence[str]]) -> np.dtype[np.void]:
-    """A little-endian record of `size` bytes with fields as :func:`message_fields` yields them."""
+def layout(size: int, **columns: tuple[int, str]) -> np.dtype[np.void]:
+    """A little-endian record of `size` bytes with the fields ``name=(offset, format)``."""
     described: Any = {
-        "names": [name for name, *_ in fields],
-        "offsets": [int(offset) for *_, offset, _ in fields],
-        "formats": [np.dtype(kind).newbyteorder("<") if kind[0] != ">" else kind for *_, kind in fields],
+        "names": list(columns),
+        "offsets": [offset for offset, _ in columns.values()],
+        "formats": [f"<{kind}" for _, kind in columns.values()],
         "itemsize": size,
     }
     packed: np.dtype[np.void] = np.dtype(described)

@@ -12,15 +12,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.epochs import in_order, week_time
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
-from furrowmap.core.readers.messages import (
-    Framing,
-    Kind,
-    MessageCounts,
-    Messages,
-    find_frames,
-    message_names,
-    read_messages,
-)
+from furrowmap.core.readers.messages import Framing, Kind, MessageCounts, Messages, find_frames, read_messages
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions, recording_name
 from furrowmap.core.readers.source import Head, Piece, Source, cut_notice
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -242,9 +234,9 @@ class ReceiverLog(PositionLog):
         """The positions in the messages."""
 
     @classmethod
+    @abstractmethod
     def _name_of(cls, kind: int) -> str:
         """Name of a kind of message."""
-        return message_names(cls.format).get(kind, str(kind))
 
     @abstractmethod
     def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:

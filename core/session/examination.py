@@ -1,9 +1,12 @@
 """Examination of recordings, and of their overlap in time."""
 
 import math
+import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +21,6 @@ from furrowmap.core.readers.reader import (
     Recognised,
 )
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.tables import own_table
 from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc
 from furrowmap.core.values.scan import Clock, ClockReading, likely_offset, overlap_s
 
@@ -100,9 +102,11 @@ class Examined:
         return clock.first_s if clock is not None else math.inf
 
 
+@cache
 def devices() -> list[dict[str, Any]]:
     """What each device was tried on, checked against, and what is not read: `core/readers/tried.toml`."""
-    return own_table("readers", "tried")["device"]  # type: ignore[no-any-return]
+    text = resources.files("furrowmap.core.readers").joinpath("tried.toml").read_text("utf-8")
+    return tomllib.loads(text)["device"]  # type: ignore[no-any-return]
 
 
 def _tried_on(inspection: Inspection) -> dict[str, str]:

@@ -25,10 +25,10 @@ from furrowmap.core.values.session import (
     CHECK,
     CURRENT_EPOCH,
     ELLIPSOIDAL,
+    EXAMPLES,
     SESSION_SCHEMA,
     Implement,
     Session,
-    session_examples,
 )
 
 MAX_PLACE_M: Final = 15.0
@@ -222,9 +222,9 @@ def _conversion_error(message: str, name: str) -> InputError:
         "session-value",
         name=name,
         what=what,
-        line=key in session_examples() or key in _tables(),
+        line=key in EXAMPLES or key in _tables(),
         last=last,
-        examples=session_examples().get(key),
+        examples=EXAMPLES.get(key),
         in_tables=key in _tables(),
         key=key,
         table=table or None,

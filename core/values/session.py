@@ -2,8 +2,6 @@
 
 import datetime as dt
 import math
-from functools import cache
-from importlib import resources
 from typing import Annotated, Final, Literal
 
 import msgspec
@@ -326,16 +324,109 @@ class Session(TomlTable, frozen=True):
         return tuple(key for key, stated in known.items() if not stated)
 
 
-@cache
-def session_examples() -> dict[str, str]:
-    """An example value for every key, as it is written in TOML."""
-    found, table = dict[str, str](), ""
-    for line in (
-        resources.files("furrowmap.core.values").joinpath("session_examples.toml").read_text("utf-8").splitlines()
-    ):
-        key, equals, value = line.partition(" = ")
-        if line.startswith("["):
-            table = line.strip("[]") + "."
-        elif equals and not line.startswith("#"):
-            found[table + key] = value
-    return found
+EXAMPLES: Final = {
+    "name": '"North field"',
+    "recording.lidar": '["recording.pcap"]',
+    "recording.gnss": '["gnss.nmea"]',
+    "recording.gnss_topic": '"/gps/fix"',
+    "recording.lidar_minus_gnss_s": "0.0",
+    "recording.date": '"2026-06-11"',
+    "recording.task": '"TSK1"',
+    "recording.from": '"2026-06-11T14:00:00+09:00"',
+    "recording.to": '"2026-06-11T14:35:00+09:00"',
+    "crs.map": '"EPSG:6677"',
+    "crs.heights": '"EGM2008"',
+    "crs.coordinates": '"current-epoch"',
+    "crs.parameters": '"SemiDyna2026.par"',
+    "crs.geoid_grid": '"us_nga_egm08_25.tif"',
+    "antenna.xyz_m": "[1.85, 0.0, 1.62]",
+    "antenna.baseline_yaw_deg": "90.0",
+    "antenna.heading_sigma_deg": "0.3",
+    "lidar.name": '"rear"',
+    "lidar.files": '["recording.pcap"]',
+    "lidar.source": '"192.168.1.202"',
+    "lidar.minus_gnss_s": "0.0",
+    "lidar.model": '"VLP-16"',
+    "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
+    "lidar.rpy_deg": "[0.0, 40.0, 180.0]",
+    "lidar.rpy_walk_deg_rts": "0.0",
+    "imu.files": '["imu.csv"]',
+    "imu.topic": '"/imu/data"',
+    "imu.xyz_m": "[-0.04, -0.01, -0.29]",
+    "imu.rpy_deg": "[180.0, 0.0, 0.0]",
+    "imu.class": '"VN-200"',
+    "imu.minus_gnss_s": "0.0",
+    "imu.on_wheels": "true",
+    "imu.heading": '"attitude"',
+    "imu.columns": '{ gyroX = { quantity = "gyro_x", unit = "deg/s" } }',
+    "imu.noise": "{ gyro_deg_s_rthz = 0.0035, accel_mg_rthz = 0.14 }",
+    "attitude.roll_pitch": '"ahrs_imu.csv"',
+    "attitude.heading": '"ahrs_aircraft.csv"',
+    "attitude.roll_pitch_topic": '"/vectornav/IMU"',
+    "attitude.heading_topic": '"/dji_sdk/attitude"',
+    "attitude.north": '"true"',
+    "attitude.declination_deg": "4.2",
+    "attitude.roll_pitch_rpy_deg": "[180.0, 0.0, 0.0]",
+    "attitude.heading_rpy_deg": "[0.0, 0.0, 90.0]",
+    "attitude.roll_pitch_sigma_deg": "0.4",
+    "attitude.heading_sigma_deg": "1.0",
+    "mount.attitude": '"mount.csv"',
+    "mount.xyz_m": "[0.0, 0.0, -0.2]",
+    "implement.kind": '"rotary tiller"',
+    "implement.width_m": "1.70",
+    "implement.xy_m": "[-1.45, 0.0]",
+    "implement.working_depth_m": "0.12",
+    "implement.lift_m": "0.45",
+    "implement.region_m": "[-3.5, -0.9, -1.2, 1.2]",
+    "implement.learned": '"implement.npz"',
+    "implement.states": '["states.csv"]',
+    "implement.states_use": '"replace"',
+    "implement.states_minus_gnss_s": "0.0",
+    "implement.name": '"front roller"',
+    "implement.moves_soil": "true",
+    "field.boundary": '"boundary.geojson"',
+    "field.name": '"North field"',
+    "field.time_zone": '"Asia/Tokyo"',
+    "field.within": '"part.geojson"',
+    "field.check_points": '"check_points.csv"',
+    "trajectory.files": '["trajectory.csv"]',
+    "trajectory.time": '"utc"',
+    "trajectory.week": "2422",
+    "camera.table": '"images.csv"',
+    "camera.files": '["images/*.jpg"]',
+    "camera.topic": '"/camera/image_raw"',
+    "camera.every_s": "0.5",
+    "camera.width": "800",
+    "camera.height": "600",
+    "camera.fx": "661.4",
+    "camera.fy": "661.9",
+    "camera.cx": "402.7",
+    "camera.cy": "296.1",
+    "camera.k1": "-0.082",
+    "camera.k2": "0.011",
+    "camera.k3": "0.0",
+    "camera.p1": "0.0",
+    "camera.p2": "0.0",
+    "camera.model": '"OPENCV"',
+    "camera.params": "[661.4, 661.9, 403.2, 296.6, -0.082, 0.011, 0.0, 0.0]",
+    "camera.xyz_m": "[-0.05, 0.0, -0.42]",
+    "camera.rpy_deg": "[180.0, 0.0, -90.0]",
+    "camera.shutter_delay_s": "0.0",
+    "camera.minus_gnss_s": "0.0",
+    "camera.aid": "true",
+    "camera.control_points": '"control_points.csv"',
+    "camera.control_pixels": '"control_pixels.csv"',
+    "parcels.file": '"parcels.geojson"',
+    "parcels.net_inset_m": "[1.00, 0.11]",
+    "parcels.treatments": '"treatments.csv"',
+    "parcels.method": '"christiansen2017"',
+    "parcels.soil": '"plane"',
+    "features.ground": '"smrf"',
+    "features.voxel_m": "0.05",
+    "run.standing": "true",
+    "run.fixes": '["fixed", "float"]',
+    "run.threads": "2",
+    "report.language": '"ja"',
+    "report.area_unit": '"10a"',
+}
+"""An example value for every key."""

@@ -20,16 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.facts import pose_facts
-from furrowmap.core.readers.messages import (
-    MessageCounts,
-    Messages,
-    at_equal,
-    count_foreign,
-    layout,
-    message_fields,
-    message_names,
-    scan_stream,
-)
+from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, count_foreign, layout, scan_stream
 from furrowmap.core.readers.poses.file import RawPoses
 from furrowmap.core.readers.position_log import (
     MIN_INTACT_SHARE,
@@ -44,7 +35,6 @@ from furrowmap.core.readers.reader import Inspection, recording_name
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.tables import own_table
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.pose_track import PoseTrack
@@ -67,7 +57,14 @@ SOL_COMPUTED: Final = 0
 STATUS_NUMBERS: Final = {"SOL_COMPUTED": 0, "INS_HIGH_VARIANCE": 2, "INS_SOLUTION_GOOD": 3, "INS_SOLUTION_FREE": 6,
                          "INS_ALIGNMENT_COMPLETE": 7}  # fmt: skip
 """Numbers in binary messages of the statuses with a solution; all others have none."""
-KIND_NUMBERS: Final[dict[str, int]] = own_table("readers", "message_layouts")["novatel_kinds"]
+KIND_NUMBERS: Final = {
+    "NONE": 0, "FIXEDPOS": 1, "FIXEDHEIGHT": 2, "DOPPLER_VELOCITY": 8, "SINGLE": 16, "PSRDIFF": 17, "WAAS": 18,
+    "SBAS": 18, "PROPAGATED": 19, "L1_FLOAT": 32, "IONOFREE_FLOAT": 33, "NARROW_FLOAT": 34, "L1_INT": 48,
+    "WIDE_INT": 49, "NARROW_INT": 50, "RTK_DIRECT_INS": 51, "INS": 52, "INS_SBAS": 52, "INS_PSRSP": 53,
+    "INS_PSRDIFF": 54, "INS_RTKFLOAT": 55, "INS_RTKFIXED": 56, "PPP_CONVERGING": 68, "PPP": 69, "OPERATIONAL": 70,
+    "WARNING": 71, "OUT_OF_BOUNDS": 72, "INS_PPP_CONVERGING": 73, "INS_PPP": 74, "PPP_BASIC_CONVERGING": 77,
+    "PPP_BASIC": 78, "INS_PPP_BASIC_CONVERGING": 79, "INS_PPP_BASIC": 80,
+}  # fmt: skip
 """Numbers in binary messages of the types of position."""
 UNKNOWN_WORD: Final = 255
 _WORD_NUMBERS: Final = {word.encode(): n for word, n in (STATUS_NUMBERS | KIND_NUMBERS).items()}
@@ -89,12 +86,67 @@ class _Layout(NamedTuple):
         return np.dtype([("gps_ms", "i8"), *((name, "u4" if name in _WORD_FIELDS else "f8") for name in self.commas)])
 
 
+def _layout(size: int, **fields: tuple[int, int, str]) -> _Layout:
+    """A message whose binary content has at least `size` bytes: ``name=(commas before it, offset, format)``."""
+    record = layout(size, **{name: (offset, kind) for name, (_, offset, kind) in fields.items()})
+    return _Layout({name: commas for name, (commas, _, _) in fields.items()}, record)
+
+
+_ANTENNAS: Final = {"status": (0, 0, "u4"), "kind": (1, 4, "u4"), "heading": (3, 12, "f4")}
+_INSPVA: Final = _layout(
+    88, lat=(2, 12, "f8"), lon=(3, 20, "f8"), height=(4, 28, "f8"), vn=(5, 36, "f8"), ve=(6, 44, "f8"),
+    roll=(8, 60, "f8"), pitch=(9, 68, "f8"), azimuth=(10, 76, "f8"), status=(11, 84, "u4"),
+)  # fmt: skip
 LAYOUTS: Final = {
-    name: _Layout({field: int(commas) for field, commas, *_ in fields}, layout(size, fields))
-    for name, size, fields in message_fields("novatel")
-}
+    "BESTPOS": _layout(
+        72, status=(0, 0, "u4"), kind=(1, 4, "u4"), lat=(2, 8, "f8"), lon=(3, 16, "f8"), height=(4, 24, "f8"),
+        undulation=(5, 32, "f4"), sigma_n=(7, 40, "f4"), sigma_e=(8, 44, "f4"), sigma_h=(9, 48, "f4"),
+        age=(11, 56, "f4"), satellites=(14, 65, "u1"),
+    ),
+    "BESTVEL": _layout(
+        44, status=(0, 0, "u4"), kind=(1, 4, "u4"), speed=(4, 16, "f8"), course=(5, 24, "f8"),
+    ),
+    "HEADING": _layout(44, **_ANTENNAS),
+    "HEADING2": _layout(48, **_ANTENNAS),
+    "INSPVA": _INSPVA,
+    "INSPVAS": _INSPVA,
+    "INSPVAX": _layout(
+        126, status=(0, 0, "u4"), kind=(1, 4, "u4"), lat=(2, 8, "f8"), lon=(3, 16, "f8"), height=(4, 24, "f8"),
+        undulation=(5, 32, "f4"), vn=(6, 36, "f8"), ve=(7, 44, "f8"), roll=(9, 60, "f8"), pitch=(10, 68, "f8"),
+        azimuth=(11, 76, "f8"), sigma_n=(12, 84, "f4"), sigma_e=(13, 88, "f4"), sigma_h=(14, 92, "f4"),
+        sigma_roll=(18, 108, "f4"), sigma_pitch=(19, 112, "f4"), sigma_azimuth=(20, 116, "f4"),
+    ),
+    "BESTNAV": _layout(
+        120, status=(0, 0, "u4"), kind=(1, 4, "u4"), lat=(2, 8, "f8"), lon=(3, 16, "f8"), height=(4, 24, "f8"),
+        undulation=(5, 32, "f4"), sigma_n=(7, 40, "f4"), sigma_e=(8, 44, "f4"), sigma_h=(9, 48, "f4"),
+        age=(11, 56, "f4"), satellites=(14, 65, "u1"), velocity_status=(21, 72, "u4"), speed=(25, 88, "f8"),
+        course=(26, 96, "f8"),
+    ),
+    "PVTSLN": _layout(
+        112, kind=(0, 0, "u4"), height=(1, 4, "f4"), lat=(2, 8, "f8"), lon=(3, 16, "f8"), sigma_h=(4, 24, "f4"),
+        sigma_n=(5, 28, "f4"), sigma_e=(6, 32, "f4"), age=(7, 36, "f4"), undulation=(12, 64, "f4"),
+        satellites=(14, 69, "u1"), vn=(17, 72, "f8"), ve=(18, 80, "f8"), heading_kind=(20, 96, "u4"),
+        heading=(22, 104, "f4"),
+    ),
+    "UNIHEADING": _layout(44, **_ANTENNAS),
+}  # fmt: skip
 """The messages that are read; BESTNAV, PVTSLN and UNIHEADING are Unicore's."""
 
+NAMES: Final = {
+    42: "BESTPOS", 99: "BESTVEL", 971: "HEADING", 1335: "HEADING2", 507: "INSPVA", 508: "INSPVAS", 1465: "INSPVAX",
+    8: "IONUTC", 37: "VERSION", 41: "RAWEPHEM", 43: "RANGE", 47: "PSRPOS", 93: "RXSTATUS", 100: "PSRVEL", 101: "TIME",
+    140: "RANGECMP", 174: "PSRDOP", 241: "BESTXYZ", 263: "INSATT", 264: "INSCOV", 265: "INSPOS", 266: "INSSPD",
+    267: "INSVEL", 268: "RAWIMU", 319: "INSATTS", 320: "INSCOVS", 325: "RAWIMUS", 723: "GLOEPHEMERIS",
+    1122: "GALEPHEMERIS", 1429: "BESTGNSSPOS", 1430: "BESTGNSSVEL", 1461: "RAWIMUX", 1462: "RAWIMUSX",
+    1696: "BDSEPHEMERIS", 2264: "CORRIMUS",
+}  # fmt: skip
+"""Name of NovAtel's messages by their number; BESTPOS to INSPVAX are read."""
+UNICORE_NAMES: Final = {
+    2118: "BESTNAV", 1021: "PVTSLN", 972: "UNIHEADING", 8: "GPSION", 12: "OBSVM", 13: "OBSVH", 37: "VERSION",
+    102: "RECTIME", 138: "OBSVMCMP", 142: "ADRNAV", 240: "BESTNAVXYZ", 509: "RTKSTATUS", 954: "STADOP", 1026: "PPPNAV",
+    1331: "UNIHEADING2", 2125: "RTCMSTATUS", 11276: "AGRIC",
+}  # fmt: skip
+"""Name of Unicore's messages by their number; BESTNAV to UNIHEADING are read."""
 _START: Final = re.compile(rb"[#%](?=[A-Z][A-Z0-9_]{2,30}A,)|\xaaD[\x12\x13\xb5]")
 _MAX_NAME_BYTES: Final = 34
 _BEGUN: Final = re.compile(rb"(?:[#%][A-Z0-9_]*|\xaaD?)\Z")
@@ -226,7 +278,7 @@ def _take_binary(
     if crc(memoryview(data)[begin:stop]) != int.from_bytes(data[stop:end], "little"):
         return False
     number, third = data[begin + 4] | data[begin + 5] << 8, data[begin + 2]
-    name = message_names("unicore" if third == _UNICORE else "novatel").get(number, f"message {number}")
+    name = (UNICORE_NAMES if third == _UNICORE else NAMES).get(number, f"message {number}")
     counts.kinds[name] += 1
     response, beidou, known = False, False, True
     if third == _SHORT:

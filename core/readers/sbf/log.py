@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.messages import CRC, Framing, MessageCounts, Messages, at_equal, message_layouts
+from furrowmap.core.readers.messages import CRC, Framing, MessageCounts, Messages, at_equal, layout
 from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, dated_positions, has_position
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -16,7 +16,25 @@ from furrowmap.core.values.gnss import Fix
 
 GEODETIC, CARTESIAN, COV_GEODETIC, COV_CARTESIAN, ATTITUDE, DOP = 4007, 4006, 5906, 5905, 5938, 4001
 """Numbers of the blocks that are read."""
-SBF_LAYOUTS: Final = message_layouts("sbf")
+_STAMP: Final = {"tow": (8, "u4"), "week": (12, "u2")}
+_PVT: Final = _STAMP | {
+    "mode": (14, "u1"), "error": (15, "u1"), "course": (56, "f4"), "satellites": (74, "u1"), "age": (78, "u2"),
+}  # fmt: skip
+SBF_LAYOUTS: Final = {
+    GEODETIC: layout(
+        84, **_PVT, lat=(16, "f8"), lon=(24, "f8"), height=(32, "f8"), vn=(44, "f4"), ve=(48, "f4"),
+    ),
+    CARTESIAN: layout(
+        84, **_PVT, x=(16, "f8"), y=(24, "f8"), z=(32, "f8"), vx=(44, "f4"), vy=(48, "f4"), vz=(52, "f4"),
+    ),
+    COV_GEODETIC: layout(28, **_STAMP, error=(15, "u1"), nn=(16, "f4"), ee=(20, "f4"), hh=(24, "f4")),
+    COV_CARTESIAN: layout(
+        48, **_STAMP, error=(15, "u1"), xx=(16, "f4"), yy=(20, "f4"), zz=(24, "f4"), xy=(32, "f4"), xz=(36, "f4"),
+        yz=(44, "f4"),
+    ),
+    ATTITUDE: layout(24, **_STAMP, error=(15, "u1"), mode=(16, "u2"), heading=(20, "f4")),
+    DOP: layout(24, **_STAMP, hdop=(20, "u2")),
+}  # fmt: skip
 """Fields that are read of each block, all of them in every revision (SBF reference guide, offsets from ``$``)."""
 _NO_WEEK: Final = 0xFFFF
 _DO_NOT_USE: Final = -2e10
@@ -34,6 +52,30 @@ SBF: Final = Framing(
 )  # fmt: skip
 """The kind of a block is its number without the revision. Measurement epochs of all satellites have a quarter of
 `most` bytes."""
+_NUMBERS_AND_NAMES: Final = (
+    "4000MeasExtra 4001DOP 4002GALNav 4003GALAlm 4004GLONav 4005GLOAlm 4006PVTCartesian 4007PVTGeodetic "
+    "4012SatVisibility 4013ChannelStatus 4014ReceiverStatus 4015Commands 4017GPSRawCA 4018GPSRawL2C 4019GPSRawL5 "
+    "4020GEORawL1 4021GEORawL5 4022GALRawFNAV 4023GALRawINAV 4024GALRawCNAV 4026GLORawCA 4027MeasEpoch "
+    "4028BaseVectorGeod 4030GALIon 4031GALUtc 4032GALGstGps 4034GALSARRLM 4036GLOTime 4037ExtEventPVTCartesian "
+    "4038ExtEventPVTGeodetic 4040BBSamples 4042GPSCNav 4043BaseVectorCart 4044PosCart 4047BDSRaw 4049RTCMDatum "
+    "4052PosLocal 4053NTRIPClientStatus 4058IPStatus 4059DiskStatus 4066QZSRawL1CA 4067QZSRawL2C 4068QZSRawL5 "
+    "4075ASCIIIn 4076PVTSupport 4079PVTSupportA 4081BDSNav 4082QualityInd 4090InputLink 4091OutputLink 4092RFStatus "
+    "4093NAVICRaw 4094PosProjected 4095QZSNav 4097EncapsulatedOutput 4103RxMessage 4105DynDNSStatus 4109Meas3Ranges "
+    "4110Meas3CN0HiRes 4111Meas3Doppler 4112Meas3PP 4113Meas3MP 4116QZSAlm 4119BDSAlm 4120BDSIon 4121BDSUtc "
+    "4122NTRIPServerStatus 4201LBandTrackerStatus 4204LBandBeams 4211FugroDDS 4212LBandRaw 4214FugroStatus "
+    "4217ExtEventBaseVectGeod 4218BDSRawB1C 4219BDSRawB2a 4221GPSRawL1C 4227QZSRawL1C 4228QZSRawL1S "
+    "4237ExtEventAttEuler 4238P2PPStatus 4242BDSRawB2b 4245GALAuthStatus 4246QZSRawL5S 4251BDSCNav1 4252BDSCNav2 "
+    "4253BDSCNav3 4254NavICLNav 4270QZSRawL6D 4271QZSRawL6E 4272NavCart 4275NavGeod 5891GPSNav 5892GPSAlm 5893GPSIon "
+    "5894GPSUtc 5896GEONav 5897GEOAlm 5902ReceiverSetup 5905PosCovCartesian 5906PosCovGeodetic 5907VelCovCartesian "
+    "5908VelCovGeodetic 5911xPPSOffset 5914ReceiverTime 5917GEOServiceLevel 5918GEONetworkTime 5919DiffCorrIn "
+    "5921EndOfPVT 5922EndOfMeas 5924ExtEvent 5925GEOMT00 5926GEOPRNMask 5927GEOFastCorr 5928GEOIntegrity "
+    "5929GEOFastCorrDegr 5930GEODegrFactors 5931GEOIGPMask 5932GEOLongTermCorr 5933GEOIonoDelay "
+    "5934GEOClockEphCovMatrix 5936Comment 5938AttEuler 5939AttCovEuler 5942AuxAntPositions 5943EndOfAtt "
+    "5949BaseStation"
+)
+
+SBF_NAMES: Final = {int(block[:4]): block[4:] for block in _NUMBERS_AND_NAMES.split()}
+"""Name of each block by its number, as `inspect` reports them (Septentrio, SBF reference guides)."""
 
 
 class SbfLog(ReceiverLog):
@@ -50,6 +92,10 @@ class SbfLog(ReceiverLog):
     framing: ClassVar[Framing] = SBF
     layouts: ClassVar[Mapping[int, np.dtype[np.void]]] = SBF_LAYOUTS
     certainty: ClassVar[Mapping[int, float]] = {GEODETIC: 0.95, CARTESIAN: 0.95}
+
+    @classmethod
+    def _name_of(cls, kind: int) -> str:
+        return SBF_NAMES.get(kind, str(kind))
 
     def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
         is_geodetic = len(messages[GEODETIC]) > 0

@@ -7,17 +7,16 @@ with its number, elevation and azimuth in degrees; newer files begin with a line
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.tables import own_table
 
 _LARGEST_BYTES: Final = 1 << 16
 _APART_DEG: Final = 1.0
@@ -128,11 +127,6 @@ class PacketLayout:
     product: int | None = None
     distance_mm: int | None = None
 
-    @classmethod
-    def listed(cls, stated: Mapping[str, Any]) -> Self:
-        """A layout as `scanners.toml` has it."""
-        return cls(**{**stated, "lengths": tuple(stated["lengths"]), "signature": _signature(stated["signature"])})
-
     @property
     def block(self) -> int:
         """Length of a block."""
@@ -149,14 +143,6 @@ class PacketLayout:
         past_hour_s = np.where(date[:, 0] == 0, epoch_s, clock_s) % 3600
         past_hour_us: NDArray[np.uint32] = (past_hour_s * 1_000_000 + stamp % 1_000_000).astype(np.uint32)
         return past_hour_us
-
-
-def _signature(text: str) -> dict[int, int]:
-    """Offset → byte of first bytes such as "EE FF .. 20"."""
-    return {at: int(byte, 16) for at, byte in enumerate(text.split()) if byte != ".."}
-
-
-_OF_LASERS: Final = ("elevation_deg", "azimuth_deg", "laser_us", "height_mm", "axis_mm")
 
 
 @dataclass(frozen=True)
@@ -188,23 +174,6 @@ class Model:
     start_s: float = 0.0
     stamp_at_last: bool = False
     slowest_s: float = 0.0
-
-    @classmethod
-    def listed(cls, name: str, layout: PacketLayout, stated: Mapping[str, Any]) -> Self:
-        """A model as `scanners.toml` has it."""
-        kept = {key: value for key, value in stated.items() if key not in (*_OF_LASERS, "packet")}
-        lasers = {key: np.array(str(stated[key]).split(), np.float64) for key in _OF_LASERS if key in stated}
-        elevation, none = lasers["elevation_deg"], np.zeros(len(lasers["elevation_deg"]))
-        of_axis_mm = -lasers.get("axis_mm", none) * np.tan(np.radians(elevation))
-        return cls(
-            name,
-            layout=layout,
-            laser_s=1e-6 * lasers["laser_us"],
-            elevation_deg=elevation,
-            azimuth_deg=lasers.get("azimuth_deg", none),
-            height_m=1e-3 * lasers.get("height_mm", of_axis_mm),
-            **kept,
-        )
 
     @property
     def lasers(self) -> int:
@@ -289,26 +258,9 @@ class Maker:
     models: tuple[Model, ...]
     modes: Mapping[int, tuple[int, str]]
     others: Mapping[int, str]
-    other_names: Mapping[str, str]
-    other_packets: tuple[tuple[Mapping[int, int], int], ...]
-    calibrated: bool
-
-    @classmethod
-    def listed(cls, name: str) -> Self:
-        """A maker as `scanners.toml` has it."""
-        own = own_table("readers.spinning", "scanners")[name]
-        packets = {packet: PacketLayout.listed(stated) for packet, stated in own["packets"].items()}
-        others = {int(product, 0): other for product, other in own["others"].items()}
-        begin = _signature(own.get("others_begin", ""))
-        return cls(
-            name,
-            tuple(Model.listed(model, packets[stated["packet"]], stated) for model, stated in own["models"].items()),
-            {int(mode, 0): (returns, title) for mode, (returns, title) in own["modes"].items()},
-            others,
-            own["other_names"],
-            tuple((begin | {2: product >> 8, 3: product & 0xFF}, product) for product in others if begin),
-            own.get("calibrated", False),
-        )
+    other_names: Mapping[str, str] = field(default_factory=dict)
+    other_packets: tuple[tuple[Mapping[int, int], int], ...] = ()
+    calibrated: bool = False
 
     def products(self, data: ByteArray, offset: IntArray, length: IntArray) -> IntArray:
         """(m,) products of datagrams at `offset` (m,) of `length` (m,) bytes; -1 of those that are no data packets."""

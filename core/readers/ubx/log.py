@@ -8,16 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.epochs import midnights_utc_s, no_week, week_times
-from furrowmap.core.readers.messages import (
-    FLETCHER,
-    Framing,
-    MessageCounts,
-    Messages,
-    at_equal,
-    message_layouts,
-    message_names,
-    paired,
-)
+from furrowmap.core.readers.messages import FLETCHER, Framing, MessageCounts, Messages, at_equal, layout, paired
 from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -28,7 +19,28 @@ PVT, HPPOSLLH, COV, DOP, STATUS, TIMEGPS, TIMEUTC, RAWX, RELPOSNED = (
     0x0107, 0x0114, 0x0136, 0x0104, 0x0103, 0x0120, 0x0121, 0x0215, 0x013C,
 )  # fmt: skip
 """Class and id of the messages that are read."""
-UBX_LAYOUTS: Final = message_layouts("ubx")
+UBX_LAYOUTS: Final = {
+    PVT: layout(
+        84, itow=(0, "u4"), year=(4, "u2"), month=(6, "u1"), day=(7, "u1"), hour=(8, "u1"), minute=(9, "u1"),
+        second=(10, "u1"), valid=(11, "u1"), nano=(16, "i4"), kind=(20, "u1"), flags=(21, "u1"), satellites=(23, "u1"),
+        lon=(24, "i4"), lat=(28, "i4"), height=(32, "i4"), h_acc=(40, "u4"), v_acc=(44, "u4"), speed=(60, "i4"),
+        course=(64, "i4"), flags3=(78, "u2"),
+    ),
+    HPPOSLLH: layout(
+        36, flags=(3, "u1"), itow=(4, "u4"), lon=(8, "i4"), lat=(12, "i4"), height=(16, "i4"), lon_hp=(24, "i1"),
+        lat_hp=(25, "i1"), height_hp=(26, "i1"), h_acc=(28, "u4"), v_acc=(32, "u4"),
+    ),
+    COV: layout(64, itow=(0, "u4"), valid=(5, "u1"), nn=(16, "f4"), ee=(28, "f4"), dd=(36, "f4")),
+    DOP: layout(18, itow=(0, "u4"), hdop=(12, "u2")),
+    STATUS: layout(16, itow=(0, "u4"), kind=(4, "u1"), flags=(5, "u1"), flags2=(7, "u1")),
+    TIMEGPS: layout(16, itow=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
+    TIMEUTC: layout(
+        20, itow=(0, "u4"), year=(12, "u2"), month=(14, "u1"), day=(15, "u1"), hour=(16, "u1"), minute=(17, "u1"),
+        second=(18, "u1"), valid=(19, "u1"),
+    ),
+    RAWX: layout(16, tow=(0, "f8"), week=(8, "u2")),
+    RELPOSNED: layout(64, version=(0, "u1"), itow=(4, "u4"), heading=(24, "i4"), flags=(60, "u4")),
+}  # fmt: skip
 """Fields that are read of each message, all of them in every protocol version."""
 
 AGE_S: Final = np.array([np.nan, 1, 2, 5, 10, 15, 20, 30, 45, 60, 90, 120, 120, 120, 120, 120], np.float64)
@@ -38,6 +50,43 @@ _FIXED_HEADING: Final = 0b1_0011_1101, 0b1_0011_0101
 valid, moving, carrier solution 2, fix within the receiver's limits."""
 _DEAD_RECKONING, _2D, _3D, _COMBINED = 1, 2, 3, 4
 _FIX_TYPES: Final = {0: "none", 1: "dead reckoning", 2: "2D", 3: "3D", 4: "GNSS and dead reckoning", 5: "time only"}
+
+
+_CLASSES_AND_IDS: Final = (
+    "01-NAV 01POSECEF 02POSLLH 03STATUS 04DOP 05ATT 06SOL 07PVT 09ODO 10RESETODO 11VELECEF 12VELNED 13HPPOSECEF "
+    "14HPPOSLLH 17PVAT 20TIMEGPS 21TIMEUTC 22CLOCK 23TIMEGLO 24TIMEBDS 25TIMEGAL 26TIMELS 27TIMEQZSS 28NMI 30SVINFO "
+    "31DGPS 32SBAS 34ORB 35SAT 36COV 39GEOFENCE 3BSVIN 3CRELPOSNED 3DEELL 40EKFSTATUS 42SLAS 43SIG 45DAHEADING "
+    "60AOPSTATUS 61EOE 62PL 63TIMENAVIC 64TIMETRUSTED 02-RXM 10RAW 11SFRB 13SFRBX 14MEASX 15RAWX 20SVSI 30ALM 31EPH "
+    "32RTCM 33SPARTN 34COR 36SPARTN-KEY 40POSREQ 41PMREQ 59RLM 61IMES 72PMP 73QZSSL6 74TM 80MEASD12 82MEASC12 "
+    "84MEAS20 86MEAS50 04-INF 00ERROR 01WARNING 02NOTICE 03TEST 04DEBUG 05-ACK 00NAK 01ACK 06-CFG 00PRT 01MSG 02INF "
+    "04RST 06DAT 07TP 08RATE 09CFG 0EFXN 11RXM 12EKF 13ANT 16SBAS 17NMEA 1BUSB 1DTMODE 1EODO 22NVS 23NAVX5 24NAV5 "
+    "29ESFGWT 31TP5 32PM 34RINV 39ITFM 3BPM2 3DTMODE2 3EGNSS 41OTP 47LOGFILTER 4CESFA 4DESFG 53TXSLOT 56ESFALG 57PWR "
+    "5CHNR 60ESRC 61DOSC 62SMGR 64SPT 69GEOFENCE 70DGNSS 71TMODE3 82ESFWT 84FIXSEED 85DYNSEED 86PMS 88SENIF 8AVALSET "
+    "8BVALGET 8CVALDEL 8DSLAS 93BATCH 09-UPD 14SOS 0A-MON 02IO 04VER 06MSGPP 07RXBUF 08TXBUF 09HW 0BHW2 21RXR 27PATCH "
+    "28GNSS 2BPT2 2ESMGR 2FSPT 31SPAN 35PMP 36COMMS 37HW3 38RF 39SYS 0B-AID 00REQ 01INI 02HUI 10DATA 30ALM 31EPH "
+    "32ALPSRV 33AOP 50ALP 0D-TIM 01TP 03TM2 04SVIN 06VRFY 11DOSC 12TOS 13SMEAS 15VCOCAL 16FCHG 17HOC 10-ESF 02MEAS "
+    "03RAW 04CAL 10STATUS 13RESETALG 14ALG 15INS 13-MGA 10SF 80DBD 21-LOG 03ERASE 04STRING 07CREATE 08INFO 09RETRIEVE "
+    "0BRETRIEVEPOS 0DRETRIEVESTRING 0EFINDTIME 0FRETRIEVEPOSEXTRA 10RETRIEVEBATCH 11BATCH 27-SEC 01SIGN 03UNIQID "
+    "09SIG 0AOSNMA 10SIGLOG 28-HNR 00PVT 01ATT 02INS 29-NAV2 01POSECEF 02POSLLH 03STATUS 04DOP 07PVT 09ODO 11VELECEF "
+    "12VELNED 17PVAT 20TIMEGPS 21TIMEUTC 22CLOCK 23TIMEGLO 24TIMEBDS 25TIMEGAL 26TIMELS 27TIMEQZSS 32SBAS 35SAT 36COV "
+    "3BSVIN 3DEELL 42SLAS 43SIG 61EOE 63TIMENAVIC"
+)
+"""Each class, its number before its name, followed by the ids and names of its messages; numbers are hexadecimal
+(u-blox, interface descriptions of the M8 and F9 receivers)."""
+
+
+def _list_names() -> dict[int, str]:
+    names, kind, group = {}, 0, ""
+    for word in _CLASSES_AND_IDS.split():
+        if word[2] == "-":
+            kind, group = int(word[:2], 16) << 8, word[3:]
+        else:
+            names[kind | int(word[:2], 16)] = f"{group}-{word[2:]}"
+    return names
+
+
+UBX_NAMES: Final = _list_names()
+"""Name of each message by 256 × class + id."""
 
 UBX: Final = Framing(
     sync_1=0xB5, sync_2=0x62, kind_high_at=2, kind_low_at=3, kind_mask=0xFFFF, length_at=4, extra=8, least=0, most=8192,
@@ -65,7 +114,7 @@ class UbxLog(ReceiverLog):
 
     @classmethod
     def _name_of(cls, kind: int) -> str:
-        return message_names(cls.format).get(kind, f"{kind >> 8:02X}-{kind & 255:02X}")
+        return UBX_NAMES.get(kind, f"{kind >> 8:02X}-{kind & 255:02X}")
 
     def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
         pvt, hp = messages[PVT], messages[HPPOSLLH]

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
 
-from furrowmap.core.readers.messages import MessageCounts, find_frames, message_names, read_messages
+from furrowmap.core.readers.messages import MessageCounts, find_frames, read_messages
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.sbf.log import SBF, SBF_LAYOUTS, SbfLog
+from furrowmap.core.readers.sbf.log import SBF, SBF_LAYOUTS, SBF_NAMES, SbfLog
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import GPS_EPOCH_S, WEEK_S
@@ -187,7 +187,7 @@ SIZES = {"PVTGeodetic": 88, "PVTCartesian": 88, "PosCovGeodetic": 48, "PosCovCar
 
 @given(content=st.binary(min_size=88, max_size=88))
 def test_fields__are_what_pysbf2_reads_of_any_block(content: bytes) -> None:
-    numbers = {name: number for number, name in message_names("sbf").items()}
+    numbers = {name: number for number, name in SBF_NAMES.items()}
     for name, fields in FIELDS.items():
         raw = block(numbers[name], content[: SIZES[name]])
         read = np.frombuffer(raw[: SBF_LAYOUTS[numbers[name]].itemsize], SBF_LAYOUTS[numbers[name]])[0]
@@ -200,7 +200,7 @@ def test_fields__are_what_pysbf2_reads_of_any_block(content: bytes) -> None:
 
 
 def test_names__are_those_of_pysbf2() -> None:
-    assert {number: name for number, (name, *_) in pysbf2.SBF_MSGIDS.items()} == message_names("sbf")
+    assert {number: name for number, (name, *_) in pysbf2.SBF_MSGIDS.items()} == SBF_NAMES
 
 
 def test_times__are_within_a_week_that_is_stated(tmp_path: Path) -> None:

@@ -12,12 +12,12 @@ import pyubx2
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.readers.messages import MessageCounts, find_frames, message_names, read_messages
+from furrowmap.core.readers.messages import MessageCounts, find_frames, read_messages
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import Source
-from furrowmap.core.readers.ubx.log import PVT, UBX, UBX_LAYOUTS, UbxLog
+from furrowmap.core.readers.ubx.log import PVT, UBX, UBX_LAYOUTS, UBX_NAMES, UbxLog
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
@@ -300,7 +300,7 @@ SIZES = {"NAV-PVT": 92, "NAV-COV": 64, "NAV-DOP": 18, "NAV-STATUS": 16, "NAV-TIM
 
 @given(content=st.binary(min_size=92, max_size=92))
 def test_fields__are_what_pyubx2_reads_of_any_payload(content: bytes) -> None:
-    kinds = {name: kind for kind, name in message_names("ubx").items()}
+    kinds = {name: kind for kind, name in UBX_NAMES.items()}
     for name, fields in FIELDS.items():
         payload = content[: SIZES[name]]
         if name == "RXM-RAWX":
@@ -329,7 +329,7 @@ def test_precise_position__is_what_pyubx2_reads_of_any_payload(content: bytes) -
 
 def test_names__are_those_of_pyubx2() -> None:
     own = {key: name for key, name in pyubx2.UBX_MSGIDS.items() if len(key) == 2 and key[0] < 0x66}
-    assert {kind.to_bytes(2, "big"): name for kind, name in message_names("ubx").items()} == own
+    assert {kind.to_bytes(2, "big"): name for kind, name in UBX_NAMES.items()} == own
 
 
 def pvt(tow_ms: int, **fields: int) -> bytes:

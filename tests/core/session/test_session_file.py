@@ -14,7 +14,7 @@ from furrowmap.core.session import file as module
 from furrowmap.core.session.file import FURTHER, load_session, parse_session
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.values import session as values
-from furrowmap.core.values.session import Session, session_examples
+from furrowmap.core.values.session import EXAMPLES, Session
 
 LEAST = """
 furrowmap = 1
@@ -193,13 +193,13 @@ def test_values__of_the_wrong_kind_are_told_in_plain_words(change: tuple[str, st
 
 def test_examples__there_is_one_for_every_key_and_all_are_a_session() -> None:
     tables: dict[str, list[str]] = {}
-    for key, value in session_examples().items():
+    for key, value in EXAMPLES.items():
         table, _, last = key.rpartition(".")
         tables.setdefault(table, []).append(f"{last} = {value}")
     text = "furrowmap = 1\n" + "\n".join(f"[{t}]\n".replace("[]\n", "") + "\n".join(v) for t, v in tables.items())
     parse_session(text)
     named = set(module._tables()) | {"furrowmap"}
-    assert set(session_examples()) | named == {f"{table}.{key}" if table else key for table, key in keys()}
+    assert set(EXAMPLES) | named == {f"{table}.{key}" if table else key for table, key in keys()}
 
 
 @pytest.mark.parametrize("line", ["[lidar]\nxyz_m", "[antenna]\nxyz_m", "[implement]\nwidth_m = 1.7\nxy_m"])
