@@ -35,24 +35,11 @@ class Wheels:
     tyre_width_m: float
 
 
-@dataclass(frozen=True)
-class FarmTraffic:
-    """Where machines worked and drove: polygons of passes and their days, a line of the rear axle a session."""
-
-    passes: ShapeArray
-    day: NDArray[np.datetime64]
-    tracks: ShapeArray
-
-    @property
-    def bounds_m(self) -> tuple[float, float, float, float]:
-        """West, south, east and north of all; nan where there is nothing."""
-        west, south, east, north = shapely.total_bounds(np.concatenate([self.passes, self.tracks])).tolist()
-        return west, south, east, north
-
-
 def write_traffic(
     path: Path,
-    traffic: FarmTraffic,
+    passes: ShapeArray,
+    day: NDArray[np.datetime64],
+    tracks: ShapeArray,
     crs: CRS,
     cell_m: float,
     wheels: Wheels | None,
@@ -61,25 +48,26 @@ def write_traffic(
 ) -> Grid:
     """Write the raster as a cloud-optimised GeoTIFF of 16-bit numbers; window by window, in bounded memory.
 
+    `passes` are polygons of passes, with their days, and `tracks` a line of the rear axle a session.
     Bands: times worked, last day worked (days since 1970-01-01, 0 for never), and passages of wheels where `wheels` are
     known. A cell counts where its centre was worked or driven on.
     """
-    west, south, east, north = traffic.bounds_m
+    west, south, east, north = shapely.total_bounds(np.concatenate([passes, tracks])).tolist()
     margin = 0.5 * (wheels.track_width_m + wheels.tyre_width_m) if wheels is not None else 0.0
     grid = Grid.of_bounds(cell_m, (west - margin, south - margin, east + margin, north + margin))
     bands = (WORKED, LAST_DAY, *([DRIVEN] if wheels is not None else []))
-    order = np.argsort(traffic.day, kind="stable")
-    passes, day = traffic.passes[order], (traffic.day[order] - EPOCH).astype(np.int64)
-    trees = shapely.STRtree(passes), shapely.STRtree(traffic.tracks)
+    order = np.argsort(day, kind="stable")
+    passes, days = passes[order], (day[order] - EPOCH).astype(np.int64)
+    trees = shapely.STRtree(passes), shapely.STRtree(tracks)
     with cog_output(path, grid, crs, bands, origin, counts=True) as put:
         for tile, _ in windows(grid, 0):
             box = shapely.box(*tile.bounds_m)
             rows = np.sort(trees[0].query(box))
-            arrays = [*_worked(tile, passes[rows], day[rows])]
+            arrays = [*_worked(tile, passes[rows], days[rows])]
             if wheels is not None:
                 near = shapely.buffer(box, margin)
                 driven = np.zeros(tile.shape, np.uint16)
-                for track in traffic.tracks[np.sort(trees[1].query(near))]:
+                for track in tracks[np.sort(trees[1].query(near))]:
                     if paths := _paths_near(track, near):
                         driven += wheel_passages(tile, paths, wheels.track_width_m, wheels.tyre_width_m)
                 arrays.append(driven)

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.runtime.errors import InputError, printable
+from furrowmap.core.runtime.errors import printable
 from furrowmap.exporters.files.atomic import atomic_output
 
 _FORMULA: Final = frozenset("=+-@＝＋－＠")
@@ -49,20 +49,13 @@ def _known(value: object) -> object:
 Rows = Sequence[Mapping[str, Any]]
 
 
-def require_workbook() -> None:
-    """Raises InputError if openpyxl is not installed."""
-    try:
-        import openpyxl  # noqa: F401 only whether it is there
-    except ImportError:
-        raise InputError("extra-missing.require-workbook") from None
-
-
 def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:
-    """Write a spreadsheet with a sheet of rows for each name; a number that is not known is an empty cell."""
-    require_workbook()
-    from openpyxl import Workbook
-    from openpyxl.styles import Font
-
+    """Write a spreadsheet with a sheet of rows for each name, if openpyxl is installed; nan is an empty cell."""
+    try:
+        from openpyxl import Workbook
+        from openpyxl.styles import Font
+    except ImportError:
+        return
     book = Workbook()
     book.remove(book.active)
     for name, rows in sheets.items():

@@ -4,7 +4,6 @@ import datetime as dt
 import io
 from collections.abc import Sequence
 from dataclasses import fields
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -113,8 +112,7 @@ def write_parcel_table(path: Path, layer: Layer) -> None:
 
 def write_parcel_sheet(path: Path, layer: Layer) -> None:
     """Write the columns of a layer of parcels as a spreadsheet (xlsx), numbers as numbers, if openpyxl is installed."""
-    if find_spec("openpyxl") is not None:
-        write_workbook(path, {PARCELS_LAYER: [_cells(layer, row) for row in range(len(layer.shapes))]})
+    write_workbook(path, {PARCELS_LAYER: [_cells(layer, row) for row in range(len(layer.shapes))]})
 
 
 def write_profiles(path: Path, stands: Sequence[Stand], layer_m: float) -> None:

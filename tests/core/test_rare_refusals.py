@@ -42,7 +42,6 @@ from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.vectors import FORMATS, write_vectors
 from furrowmap.exporters.farm import geopackage
-from furrowmap.exporters.files.csv_cells import require_workbook
 from furrowmap.exporters.files.provenance import Origin
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_nmea import sentence
@@ -213,7 +212,7 @@ def test_layers__for_geoparquet_need_pyarrow(tmp_path: Path, monkeypatch: pytest
 
 @pytest.mark.parametrize(
     ("package", "expect", "name"),
-    [("cv2", expect_opencv, "OpenCV"), ("PIL", expect_pillow, "Pillow"), ("openpyxl", require_workbook, "openpyxl")],
+    [("cv2", expect_opencv, "OpenCV"), ("PIL", expect_pillow, "Pillow")],
 )
 def test_packages__that_are_not_installed_are_named(
     package: str, expect: Callable[[], None], name: str, monkeypatch: pytest.MonkeyPatch

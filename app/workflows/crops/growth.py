@@ -4,7 +4,6 @@ import datetime as dt
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -84,8 +83,7 @@ def growth(
         layer = growth_layer(grown, days)
         write_styled_layers(staging / GROWTH, [layer], opened.crs, origin)
         write_parcel_table(staging / GROWTH_TABLE, layer)
-        if find_spec("openpyxl") is not None:
-            write_workbook(staging / GROWTH_WORKBOOK, {"growth": layer.rows()})
+        write_workbook(staging / GROWTH_WORKBOOK, {"growth": layer.rows()})
         for notice in (notices := [*notices, *_unmeasured_notices(grown)]):
             warn(notice)
         alignments = [None, *(change.plain() for change in changes)]

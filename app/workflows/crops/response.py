@@ -4,7 +4,6 @@ import datetime as dt
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -107,16 +106,15 @@ def response(
         for name, chart in charts.items():
             (staging / name).write_text(standalone(chart, language_of_user()), encoding="utf-8")
         write_csv_table(staging / "trial.csv", list(dict.fromkeys(name for row in rows for name in row)), rows)
-        if find_spec("openpyxl") is not None:
-            sheets = {"parcels": rows}
-            if last.variance is not None:
-                sheets["treatments"] = [asdict(mean) for mean in last.variance.means]
-                sheets["variance"] = [asdict(row) for row in last.variance.rows]
-            curve = last.response.curve if last.response is not None else None
-            if curve is not None:
-                names = ("lower", "rise", "gradient", "midpoint", "plateau")
-                sheets["curve"] = [{"parameter": name, **asdict(getattr(curve, name))} for name in names]
-            write_workbook(staging / "trial.xlsx", sheets)
+        sheets = {"parcels": rows}
+        if last.variance is not None:
+            sheets["treatments"] = [asdict(mean) for mean in last.variance.means]
+            sheets["variance"] = [asdict(row) for row in last.variance.rows]
+        curve = last.response.curve if last.response is not None else None
+        if curve is not None:
+            names = ("lower", "rise", "gradient", "midpoint", "plateau")
+            sheets["curve"] = [{"parameter": name, **asdict(getattr(curve, name))} for name in names]
+        write_workbook(staging / "trial.xlsx", sheets)
         products = sorted(path.name for path in staging.iterdir())
         answer: dict[str, Any] = plain({**account, "products": [*products, RESPONSE_REPORT]})
         (staging / RESPONSE_REPORT).write_text(json_text(answer), encoding="utf-8")

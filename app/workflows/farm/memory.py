@@ -13,7 +13,7 @@ from furrowmap.core.runtime.errors import InputError, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.farm.memory import FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import TRACKS
-from furrowmap.exporters.farm.traffic import FarmTraffic, write_traffic
+from furrowmap.exporters.farm.traffic import write_traffic
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.csv_cells import write_csv_table
 from furrowmap.exporters.files.provenance import Origin
@@ -170,16 +170,17 @@ def farm_traffic(
             for s in edit.sessions()
             if first <= s.date <= last and (settings.season is None or s.session in of_season)
         }
-        traffic = _traffic(edit, sessions_of)
-    if crs is None or not len(traffic.tracks):
+        passes, day, tracks = _traffic(edit, sessions_of)
+    if crs is None or not len(tracks):
         raise InputError("no-traffic", name=name)
     origin = Origin("Traffic: times worked and driven on", parameters=settings.plain())
-    grid = write_traffic(target, traffic, crs, settings.cell_m, settings.wheels, origin, progress)
-    passes = len(traffic.passes)
-    return TrafficRaster(target, crs.to_string(), settings.cell_m, grid.columns, grid.rows, len(traffic.tracks), passes)
+    grid = write_traffic(target, passes, day, tracks, crs, settings.cell_m, settings.wheels, origin, progress)
+    counts = (len(tracks), len(passes))
+    return TrafficRaster(target, crs.to_string(), settings.cell_m, grid.columns, grid.rows, *counts)
 
 
-def _traffic(edit: FarmEdit, wanted: set[str]) -> FarmTraffic:
+def _traffic(edit: FarmEdit, wanted: set[str]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Where machines worked, on which days, and where the rear axles of sessions drove."""
     passes, overlaps = (
         edit.read("passes", ("session", "date")),
         edit.read("overlaps", ("session", "date", "pass_a", "pass_b")),
@@ -190,7 +191,7 @@ def _traffic(edit: FarmEdit, wanted: set[str]) -> FarmTraffic:
     mine[1] &= again
     shapes = np.concatenate([passes.shapes[mine[0]], overlaps.shapes[mine[1]]])
     days = np.concatenate([passes.columns["date"][mine[0]], overlaps.columns["date"][mine[1]]])
-    return FarmTraffic(shapes, days.astype("datetime64[D]"), shapely.force_2d(tracks.shapes[mine[2]]))
+    return shapes, days.astype("datetime64[D]"), shapely.force_2d(tracks.shapes[mine[2]])
 
 
 def _field_row(fields: Layer, wanted: str, farm_map: str) -> int:
