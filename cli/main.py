@@ -14,7 +14,7 @@ from typing import Any, Final, NoReturn
 import click
 
 from furrowmap.cli.console import Console, error_value, put_error, put_json
-from furrowmap.cli.interruption import INTERRUPTION, Interruption, drop_interrupt
+from furrowmap.cli.interruption import INTERRUPTION, drop_interrupt
 from furrowmap.cli.options import CommandGroup
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError, as_furrowmap_error
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
@@ -106,15 +106,11 @@ def main() -> NoReturn:
     signal.signal(signal.SIGTERM, INTERRUPTION)
     if sys.platform == "win32":
         signal.signal(signal.SIGBREAK, INTERRUPTION)  # Ctrl-Break, or the window is closed
-    sys.exit(command_line(sys.argv[1:], INTERRUPTION))
+    sys.exit(command_line(sys.argv[1:]))
 
 
-def command_line(arguments: Sequence[str], interruption: Interruption | None = None) -> int:
-    """Run the command line and print its errors.
-
-    Args:
-        arguments: without the program's name.
-        interruption: the installed signal handler, if any.
+def command_line(arguments: Sequence[str]) -> int:
+    """Run the command line, which is without the program's name, and print its errors.
 
     Returns:
         The exit status: 0 success, 1 failure, 2 usage error, 3 invalid input, 4 refused, 130 interrupted.
@@ -123,7 +119,7 @@ def command_line(arguments: Sequence[str], interruption: Interruption | None = N
         getattr(stream, "reconfigure", lambda **_: None)(errors="backslashreplace")
     try:
         with using(language=asked_language(arguments)):
-            status, error = attempt(arguments, interruption)
+            status, error = attempt(arguments)
             if error is not None:
                 put_error(error)
                 if "--json" in arguments:
@@ -143,9 +139,7 @@ def asked_language(arguments: Sequence[str]) -> str | None:
     return next((language for language in (*apart, *joined) if language in LANGUAGES), None)
 
 
-def attempt(
-    arguments: Sequence[str], interruption: Interruption | None = None, console: Console | None = None
-) -> tuple[int, FurrowmapError | None]:
+def attempt(arguments: Sequence[str], console: Console | None = None) -> tuple[int, FurrowmapError | None]:
     """Run the command line; its exit status, and the error that ended it, if any.
 
     Raises BrokenPipeError if the reader of standard output has closed it.
@@ -155,8 +149,7 @@ def attempt(
     except (SystemExit, GeneratorExit, BrokenPipeError):
         raise
     except BaseException as raised:  # every error ends here, including panics of native libraries
-        asked = interruption is not None and interruption.asked
-        error = Cancelled() if asked else _in_three_lines(raised, arguments)
+        error = Cancelled() if INTERRUPTION.asked else _in_three_lines(raised, arguments)
         if "--debug" in arguments:
             traceback.print_exception(raised)
         log.debug("ended by %s", error.code, exc_info=raised)

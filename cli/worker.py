@@ -84,7 +84,7 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
     else:
         threading.Thread(target=_heed, args=(orders,), daemon=True).start()
         with using(language=asked_language(arguments)):
-            status, error = attempt(arguments, INTERRUPTION, WorkerConsole(send=send))
+            status, error = attempt(arguments, WorkerConsole(send=send))
     if error is not None:
         with using(language=asked_language(arguments)):
             send("error", **error_value(error))

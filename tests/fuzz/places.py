@@ -373,7 +373,7 @@ def use_order(path: Path) -> None:
         arguments = _arguments(line)
         if any(VICTIM in argument or argument.startswith("..") for argument in arguments[-1:]):
             return  # an output that the order itself names
-        _, error = attempt(arguments, None, WorkerConsole(send=lambda kind, **_: said.write(kind.encode())))
+        _, error = attempt(arguments, WorkerConsole(send=lambda kind, **_: said.write(kind.encode())))
         if error is not None:
             raise error
 
