@@ -93,7 +93,7 @@ class FieldPoints:
         self._origin_m = origin_m
 
     def add(self, placed: PlacedScan) -> None:
-        """Add the points of a scan that may be land and are near enough."""
+        """Add the points of some scans that may be land and are near enough."""
         assert self._spool is not None
         near = within(np.ascontiguousarray(placed.scan.xyz_m, np.float32), placed.kept, self._reach_m)
         self._spool.add(placed.xyz_m, placed.scan.t_s, near, self._origin_m)

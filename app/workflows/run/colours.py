@@ -46,7 +46,7 @@ class RunColours:
         self._working.__exit__(*error)
 
     def add(self, placed: PlacedScan) -> None:
-        """Take the points of a scan."""
+        """Take the points of some scans."""
         self._add(placed.xyz_m[placed.kept])
 
     def add_points(self, xyz_m: NDArray[np.float64], classification: NDArray[np.uint8]) -> None:

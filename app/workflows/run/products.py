@@ -136,7 +136,7 @@ class RunProducts:
     parcels: ParcelPoints | None
 
     def add(self, placed: PlacedScan) -> None:
-        """Take the points of a scan."""
+        """Take the points of some scans."""
         self.cloud.add(placed)
         self.land.add(placed)
         if self.colours is not None:
@@ -333,7 +333,7 @@ class RunCloud:
         self._watch = GroundSampler()
 
     def add(self, placed: PlacedScan) -> None:
-        """Take the points of one scan."""
+        """Take the points of some scans."""
         scan = placed.scan
         self._watch.add(placed.xyz_m, placed.kept)
         self._append(
