@@ -120,6 +120,8 @@ DISORDER_S: Final = 0.5
 
 POINTS_AT_ONCE: Final = 100_000
 """Successive scans go to the sink together, from so many points on: they share what Python takes for each call."""
+TOGETHER_S: Final = 2.0
+"""Scans that begin so much later than the first of them do not: the vehicle is elsewhere."""
 PLACED_AHEAD: Final = 4
 """So many times as many points wait for a sink."""
 
@@ -298,8 +300,10 @@ class _Waiting:
 
     def add(self, placed: PlacedScan) -> None:
         """Take a scan."""
-        if self._placed and self._placed[0].scan.scanner != placed.scan.scanner:
-            self.hand_on()
+        if self._placed:
+            first = self._placed[0].scan
+            if first.scanner != placed.scan.scanner or placed.scan.t_s[0] - first.t_s[0] > TOGETHER_S:
+                self.hand_on()
         self._placed.append(placed)
         self._points += len(placed.scan)
         if self._points >= POINTS_AT_ONCE:

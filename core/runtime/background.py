@@ -156,7 +156,8 @@ def beside(work: Callable[[Progress], Found], progress: Progress) -> Iterator[Fu
 def give_way() -> None:
     """Let other threads of this process, which have less to share among cores, go before this one (on Linux alone)."""
     if sys.platform == "linux":
-        os.nice(GIVEN_WAY)
+        with suppress(OSError):
+            os.nice(GIVEN_WAY)
 
 
 def in_threads(work: Callable[[Sequence[Item]], Found], items: Sequence[Item]) -> list[Found]:
