@@ -121,14 +121,14 @@ def highest_voxels(occupied: NDArray[np.int64], grid: Grid, height_m: float = PA
     return np.where(np.isinf(pixels), np.nan, pixels)
 
 
-def fill_pixels(pixels: FloatArray, fewest: int = MIN_NEIGHBOURS) -> FloatArray:
+def fill_pixels(pixels: FloatArray) -> FloatArray:
     """Pixels (rows, columns) with the missing ones (nan) filled from their neighbours (section 3.5.2).
 
-    A missing pixel becomes the mean of those of its eight neighbours that have a value, if at least `fewest` have one.
+    A missing pixel becomes the mean of those of its eight neighbours that have a value, if `MIN_NEIGHBOURS` have one.
     All pixels of a pass are filled from the values before it; passes end when nothing changes.
     """
     out = np.array(pixels, np.float64)
-    _fill(out, fewest)
+    _fill(out, MIN_NEIGHBOURS)
     return out
 
 
@@ -201,16 +201,16 @@ def plane_heights(plane: tuple[float, float, float], grid: Grid) -> FloatArray:
     return out
 
 
-def grown_region(heights_m: FloatArray, gradient_m: float = GRADIENT_M) -> BoolArray:
+def grown_region(heights_m: FloatArray) -> BoolArray:
     """The pixels (rows, columns) of the crop, grown from the highest one (section 3.5.4).
 
-    A neighbour (of eight) joins if it differs from the mean of the region as it is then by no more than `gradient_m`.
+    A neighbour (of eight) joins if it differs from the mean of the region as it is then by at most `GRADIENT_M`.
     Pixels are taken in the order in which they were reached; those that did not join are tried again, as the mean
     moves, until none joins. Heights are nan where there are none.
     """
     region = np.zeros(heights_m.shape, np.bool_)
     if np.isfinite(heights_m).any():
-        _grow(np.ascontiguousarray(heights_m, np.float64), gradient_m, int(np.nanargmax(heights_m)), region)
+        _grow(np.ascontiguousarray(heights_m, np.float64), GRADIENT_M, int(np.nanargmax(heights_m)), region)
     return region
 
 

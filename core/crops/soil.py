@@ -139,14 +139,14 @@ class HeightCovariance:
         return factor, bool(lower)
 
 
-def soil_cells(xyz_m: FloatArray, cell_m: float = SOIL_CELL_M) -> SoilCells:
+def soil_cells(xyz_m: FloatArray) -> SoilCells:
     """The cells of points (n, 3) of bare soil that hold enough of them and are even."""
     if not len(xyz_m):
         return SoilCells(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
     (west, south), (east, north) = xyz_m[:, :2].min(axis=0).tolist(), xyz_m[:, :2].max(axis=0).tolist()
-    grid = Grid.of_bounds(cell_m, (west, south, east, north))
+    grid = Grid.of_bounds(SOIL_CELL_M, (west, south, east, north))
     out = np.empty((min(grid.rows * grid.columns, len(xyz_m)), 4))
-    cell = np.floor(xyz_m[:, :2] / cell_m).astype(np.int64) - (grid.west, grid.north - grid.rows)
+    cell = np.floor(xyz_m[:, :2] / SOIL_CELL_M).astype(np.int64) - (grid.west, grid.north - grid.rows)
     count = _cells(np.ascontiguousarray(xyz_m), cell[:, 1] * grid.columns + cell[:, 0], grid.rows * grid.columns, out)
     return SoilCells(out[:count, :2].copy(), out[:count, 2].copy(), out[:count, 3].copy())
 

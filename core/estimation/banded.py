@@ -211,7 +211,7 @@ def _inverse_diagonal(factor, out):  # type: ignore[no-untyped-def]
         inverse[at, at] = out[j] = own / factor[j, 0]
 
 
-def huber_weight(normalised: FloatArray, limit: float = HUBER_SIGMAS) -> FloatArray:
+def huber_weight(normalised: FloatArray) -> FloatArray:
     """Weights (n,) of residuals (n,) in standard deviations, none of them negative; 1 for nan."""
     known = np.nan_to_num(normalised)
-    return np.where(known > limit, limit / np.maximum(known, limit), 1.0)
+    return HUBER_SIGMAS / np.maximum(known, HUBER_SIGMAS)

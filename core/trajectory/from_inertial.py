@@ -81,8 +81,6 @@ MIN_DOUBTED_S: Final = 1.0
 MAX_DOUBTED_SHARE: Final = 0.02
 """Outliers come one by one. Positions that lie outside of their noise for longer, in sum for so much of the time, have
 errors that their standard deviations do not hold: the trajectory bends from one to the other side of a step."""
-TRIAL_ROUNDS: Final = 3
-"""Of the adjustment under a hypothesis."""
 MAX_NOISE_FACTOR: Final = 1.5
 """White noise that is larger than what the spectrum of the measurements shows, by this factor, is none of the IMU."""
 
@@ -185,13 +183,13 @@ def with_jumps(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
     drift[starts] = np.hypot(drift[starts], step_m)
     with_steps = replace(positions, run=run, drift_m=drift)
     times = float(np.linalg.norm(step_m) / np.median(np.linalg.norm(positions.drift_m, axis=1)))
-    return [(fitted(replace(adjusted.problem, positions=with_steps), adjusted.state, TRIAL_ROUNDS), times)]
+    return [(fitted(replace(adjusted.problem, positions=with_steps), adjusted.state), times)]
 
 
 def with_slower_errors(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
     """Slow errors of the positions as large as they are likeliest."""
     problem, times = with_shown_drift(adjusted)
-    return [(fitted(problem, adjusted.state, TRIAL_ROUNDS), times)] if times > 1.0 else []
+    return [(fitted(problem, adjusted.state), times)] if times > 1.0 else []
 
 
 def with_noisier_imu(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
@@ -201,7 +199,7 @@ def with_noisier_imu(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]
     @cache
     def noisier(times: float) -> Fitted:
         noise = replace(links.noise, force=times * links.noise.force)
-        return fitted(replace(problem, links=replace(links, noise=noise)), adjusted.state, TRIAL_ROUNDS)
+        return fitted(replace(problem, links=replace(links, noise=noise)), adjusted.state)
 
     times = likeliest(lambda times: noisier(times).deviance, 0.0)
     return [(noisier(times), times)] if times > 1.0 else []

@@ -15,6 +15,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.inertial_start import InertialProblem
 
 MAX_ROUNDS: Final = 10
+TRIAL_ROUNDS: Final = 3
 SETTLED_M: Final = 1e-4
 SETTLED_RAD: Final = 1e-6
 """The adjustment ends when no pose moves by more; with positions noisier than SETTLED_NOISE_M, by that much more."""
@@ -62,18 +63,18 @@ class InertialAdjustment(Fitted):
         return replace(self, sigma=sigma, clock_sigma_s=clock_sigma_s)
 
 
-def adjust(problem: InertialProblem, state: State, rounds: int = MAX_ROUNDS) -> InertialAdjustment:
-    """Gauss-Newton rounds until no pose moves, or so many."""
-    fit, solution = _fit(problem, state, rounds)
+def adjust(problem: InertialProblem, state: State) -> InertialAdjustment:
+    """Gauss-Newton rounds until no pose moves, or :data:`MAX_ROUNDS`."""
+    fit, solution = _fit(problem, state, MAX_ROUNDS)
     knots = problem.knots
     constants, by_clock = imu_constants(fit.observed, problem.links, knots, fit.state, solution, fit.variance_factor)
     sigma = solution.sigma().reshape(len(knots), -1)
     return InertialAdjustment(**vars(fit), sigma=sigma, constants=constants, by_clock=by_clock)
 
 
-def fitted(problem: InertialProblem, state: State, rounds: int) -> Fitted:
-    """As :func:`adjust`, without standard deviations, which take as long as two rounds."""
-    return _fit(problem, state, rounds)[0]
+def fitted(problem: InertialProblem, state: State) -> Fitted:
+    """A few rounds under a hypothesis, without standard deviations, which take as long as two rounds."""
+    return _fit(problem, state, TRIAL_ROUNDS)[0]
 
 
 def _fit(problem: InertialProblem, state: State, rounds: int) -> tuple[Fitted, Solution]:

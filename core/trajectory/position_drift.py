@@ -27,7 +27,6 @@ MIN_GAIN_TOO: Final = 5.0
 UNTRUSTED: Final = 1e-9
 """Weight of positions that take no part."""
 MAX_DOUBLINGS: Final = 7
-TRIAL_ROUNDS: Final = 3
 SEARCHES: Final = 3
 SETTLED_TIMES: Final = 0.1
 """Relative change of a standard deviation that is none."""
@@ -46,7 +45,7 @@ def with_shown_drift(adjusted: Fitted) -> tuple[InertialProblem, float]:
         before, times = times, _likeliest_times(stated, fit)
         if np.allclose(times, before, rtol=SETTLED_TIMES):
             break
-        fit = fitted(_with_times(stated, times), fit.state, TRIAL_ROUNDS)
+        fit = fitted(_with_times(stated, times), fit.state)
     if times == (1.0, 1.0):
         return stated, 1.0
     longer = float(np.sqrt(UNKNOWN_CORRELATION_S / stated.drift_s))

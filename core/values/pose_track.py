@@ -93,11 +93,6 @@ class AttitudeTrack:
         return len(self.t_s)
 
     @property
-    def has_level(self) -> bool:
-        """Whether it has roll and pitch."""
-        return bool(np.isfinite(self.roll_deg).any() and np.isfinite(self.pitch_deg).any())
-
-    @property
     def has_heading(self) -> bool:
         """Whether it has headings."""
         return bool(np.isfinite(self.heading_deg).any())

@@ -648,17 +648,13 @@ class _RosBag(FileReader):
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
         chosen = self._choose("laser scans", *_SCAN_TYPES, wanted=self.options.source)
         decoder = self._decoder(chosen)
-        scans = points = 0
-        first_s, last_s = float("inf"), float("-inf")
-        for scan in self._scans(chosen, decoder):
-            scans += 1
-            points += len(scan)
-            first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
-        facts = {"topic": chosen.name, "scans": scans, "points": points} | decoder.facts()
+        sizes = [len(scan) for scan in self._scans(chosen, decoder)]
+        facts = {"topic": chosen.name, "scans": len(sizes), "points": sum(sizes)} | decoder.facts()
         sensors = [topic.name for topic in self._found() if topic.type == chosen.type]
         if len(sensors) > 1:
             facts["sensors"] = sensors
-        return facts, ClockReading(self.clock, first_s, last_s, _POINT_TIMES)
+        nothing = ClockReading(self.clock, float("inf"), float("-inf"), _POINT_TIMES)
+        return facts, next(iter(self.clocks), nothing)
 
     def _imu_facts(self) -> tuple[dict[str, Any], ClockReading]:
         track, chosen, log = self._inertial()
