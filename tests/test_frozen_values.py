@@ -16,7 +16,7 @@ COLLECTING: Final = {
     "core/pointclouds/surfaces.py _Lows",
     "core/readers/isoxml/xml.py Element",
     "core/readers/las/cloud.py Survey",
-    "core/readers/ouster/packets.py OusterCounts",
+    "core/readers/packet_counts.py ScannerCounts",
     "core/readers/line_csv.py _LineCounts",
     "core/readers/messages.py MessageCounts",
     "core/readers/nmea/sentences.py SentenceCounts",
