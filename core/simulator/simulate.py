@@ -18,6 +18,7 @@ from furrowmap.core.simulator.simulate_flight import Written, moving, write_flig
 from furrowmap.core.simulator.site import SimulatedSite, find_site, lay_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
 from furrowmap.core.simulator.truth import (
+    TRUTH_HZ,
     coarse_surface,
     drive_figures,
     ground_figures,
@@ -88,7 +89,7 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
         seen_after = np.maximum(seen_after, seen)
     progress("truth", 0.0)
     surface = coarse_surface(scenario, ground)
-    write_trajectory(truth / "trajectory.csv", motion, site)
+    write_trajectory(truth / "trajectory.csv", motion, site, TRUTH_HZ, place_digits=5)
     write_implement(truth / "implement.csv", track, site)
     write_surface(truth / "surface.npz", surface, seen_after, site)
     worked = write_worked(truth / "worked.gpkg", sweeps, scenario.implement.width_m, site)

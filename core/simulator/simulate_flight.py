@@ -36,7 +36,7 @@ from furrowmap.core.simulator.scenario import (
 )
 from furrowmap.core.simulator.site import CELL_M, CROP_CELL_M, SimulatedSite, find_site, lay_round
 from furrowmap.core.simulator.soil import Ground, ground_height, make_ground
-from furrowmap.core.simulator.truth import quarters
+from furrowmap.core.simulator.truth import quarters, write_trajectory
 
 _NONE: Final = np.zeros(1)
 _BEAM: Final = Beams(_NONE, _NONE, _NONE, _NONE, step_m=0.002)
@@ -220,19 +220,6 @@ def make_crop(scenario: Scenario, flight: Flight, ground: Ground) -> tuple[Float
         inside = (np.abs(along) <= 0.5 * length) & (np.abs(across) <= 0.5 * width)
         crop[inside], plot[inside] = np.where(gap[inside], 0.0, np.maximum(height + plants[inside], 0.0)), number
     return crop, plot
-
-
-def write_flight_trajectory(file: Path, motion: SimulatedMotion, site: SimulatedSite) -> None:
-    """The vehicle frame at the rate of the motion, in map coordinates and in the angles of files."""
-    columns = [
-        site.t0_s + motion.t_s,
-        *(motion.xyz_m + np.array([site.e0_m, site.n0_m, site.h0_m])).T,
-        np.degrees(motion.roll_rad),
-        np.degrees(motion.pitch_rad),
-        (90.0 - np.degrees(motion.yaw_rad)) % 360.0,
-    ]
-    names = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
-    np.savetxt(file, np.column_stack(columns), fmt="%.4f" + ",%.6f" * 3 + ",%.5f" * 3, header=names, comments="")
 
 
 def write_mounting(file: Path, lidar: ScenarioLidar) -> None:
@@ -450,7 +437,7 @@ def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Pro
     else:
         lidar, _ = record(folder / capture, world, length_s, progress)
     progress("truth", 0.0)
-    write_flight_trajectory(truth / "trajectory.csv", motion, site)
+    write_trajectory(truth / "trajectory.csv", motion, site, DRIVE_RATE_HZ, place_digits=6)
     write_mounting(truth / "mounting_truth.toml", scenario.lidar)
     found = write_ground(folder, world, None if crop is None else crop[1])
     figures = {

@@ -15,33 +15,32 @@ from furrowmap.core.simulator.site import CELL_M, SimulatedSite
 from furrowmap.core.simulator.soil import Ground, ToolSweep
 
 TRUTH_CELL_M: Final = 2.0 * CELL_M
-_HZ: Final = 100
+TRUTH_HZ: Final = 100
 _HEIGHT_STEP_M: Final = 2.0**-13
 _TIME_STEP_S: Final = 2.0**-7
 """Rounding that makes the surface compress well."""
 _VERTEX_M: Final = 0.12
 
 
-def write_trajectory(file: Path, motion: SimulatedMotion, site: SimulatedSite) -> None:
-    """The vehicle frame at 100 Hz, in map coordinates and in the angles of files."""
-    i = slice(None, None, DRIVE_RATE_HZ // _HZ)
+def write_trajectory(file: Path, motion: SimulatedMotion, site: SimulatedSite, rate_hz: int, place_digits: int) -> None:
+    """The vehicle frame at so many of its times a second, in map coordinates and in the angles of files."""
+    i = slice(None, None, DRIVE_RATE_HZ // rate_hz)
     heading = (90.0 - np.degrees(motion.yaw_rad[i])) % 360.0
     columns = [
         site.t0_s + motion.t_s[i],
-        motion.xyz_m[i, 0] + site.e0_m,
-        motion.xyz_m[i, 1] + site.n0_m,
-        motion.xyz_m[i, 2] + site.h0_m,
+        *(motion.xyz_m[i] + np.array([site.e0_m, site.n0_m, site.h0_m])).T,
         np.degrees(motion.roll_rad[i]),
         np.degrees(motion.pitch_rad[i]),
         np.where(heading >= 359.999995, 0.0, heading),
     ]
     names = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
-    np.savetxt(file, np.column_stack(columns), fmt="%.4f" + ",%.5f" * 6, header=names, comments="")
+    numbers = f"%.4f{f',%.{place_digits}f' * 3}{',%.5f' * 3}"
+    np.savetxt(file, np.column_stack(columns), fmt=numbers, header=names, comments="")
 
 
 def write_implement(file: Path, track: SimulatedTrack, site: SimulatedSite) -> None:
     """Height and state of the tool at 100 Hz."""
-    i = slice(None, None, DRIVE_RATE_HZ // _HZ)
+    i = slice(None, None, DRIVE_RATE_HZ // TRUTH_HZ)
     rows = zip(site.t0_s + track.t_s[i], track.tool_m[i], track.down[i], strict=True)
     lines = [f"{t:.4f},{tool:.4f},{'down' if down else 'up'}\n" for t, tool, down in rows]
     file.write_text("time_unix_s,tool_height_m,state\n" + "".join(lines), encoding="utf-8")
