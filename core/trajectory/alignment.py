@@ -227,9 +227,9 @@ def _fitted(
         normal[np.diag_indices(9)] += 1e-12
         own_squares = ((seen - computed) ** 2).sum(axis=1)
         squares = float(robust @ own_squares)
-        # Where all of it fits badly, nothing stands out.
+        # Where all of it fits badly, nothing stands out. A short last chunk has no second differences.
         normalised = np.sqrt(unit * own_squares / 3.0)
-        robust = huber_weight(normalised / max(1.0, float(np.median(normalised))))
+        robust = huber_weight(normalised / max(1.0, float(np.median(normalised)) if len(seen) else 0.0))
         step = np.linalg.solve(normal, right)
         rotation, bias = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation, bias + step[3:]
     misfit = float(np.sqrt(squares / max(seen.size, 1) * unit))

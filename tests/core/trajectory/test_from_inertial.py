@@ -58,6 +58,14 @@ def test_exact_measurements__give_the_flight() -> None:
     assert off[:, 3:].max() < 0.004
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_second_beyond_a_minute__in_which_no_second_differences_fit_is_as_the_rest() -> None:
+    """Alignment goes by minutes."""
+    flight = Flight(61.0, seed=8)
+    off = errors(found(flight.track(), flight.imu()).trajectory, flight)
+    assert np.abs(off[-50:]).max() < 0.02
+
+
 def test_fast_and_far__earth_rate_curvature_and_scale_are_in() -> None:
     flight = Flight(60.0, seed=2, speed_mps=60.0)
     off = np.abs(errors(found(flight.track(), flight.imu()).trajectory, flight)[200:-200])
