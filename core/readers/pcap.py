@@ -119,13 +119,11 @@ def _join(data, at, stop, key, first, more, parts):  # type: ignore[no-untyped-d
         if not parts.covered[slot, block]:
             parts.covered[slot, block] = True
             counts[1] += min(8, first + size - 8 * block)
-    for i in range(size):
-        parts.bytes[slot, first + i] = data[at + i]
+    parts.bytes[slot, first : first + size] = data[at:stop]
     total = counts[2]
     if counts[1] != total:
         return 0
-    for i in range(total):
-        parts.joined[parts.used[0] + i] = parts.bytes[slot, i]
+    parts.joined[parts.used[0] : parts.used[0] + total] = parts.bytes[slot, :total]
     parts.used[0] += total
     counts[0] = counts[3] = 0
     return total
@@ -137,31 +135,28 @@ def _datagram(data, start, stop, link, parts):  # type: ignore[no-untyped-def]
 
     An offset beyond `data` is one into `parts.joined` after it.
     """
-    at = start
+    kind = -1  # where the type of what follows is; without one it is IP
     if link == 1:  # Ethernet
-        at += 14
-        if at > stop:
-            return _SHORT, 0, 0, np.uint64(0)
-        ethertype = (np.int64(data[at - 2]) << 8) | data[at - 1]
-        while ethertype == 0x8100 or ethertype == 0x88A8 or ethertype == 0x9100:  # VLAN tags
+        kind, at = start + 12, start + 14
+    elif link == 113 or link == 276:  # Linux cooked, versions 1 and 2
+        kind, at = (start + 14, start + 16) if link == 113 else (start, start + 20)
+    elif link == 0 or link == 108:  # BSD loopback: four bytes of address family
+        at = start + 4
+    elif link == 101 or link == 12 or link == 14 or link == 228 or link == 229:  # raw IP
+        at = start
+    else:
+        return _LINK, 0, 0, np.uint64(0)
+    if at > stop:
+        return _SHORT, 0, 0, np.uint64(0)
+    if kind >= 0:
+        ethertype = (np.int64(data[kind]) << 8) | data[kind + 1]
+        while link == 1 and (ethertype == 0x8100 or ethertype == 0x88A8 or ethertype == 0x9100):  # VLAN tags
             at += 4
             if at > stop:
                 return _SHORT, 0, 0, np.uint64(0)
             ethertype = (np.int64(data[at - 2]) << 8) | data[at - 1]
         if ethertype != 0x0800 and ethertype != 0x86DD:
             return _NOT_IP, 0, 0, np.uint64(0)
-    elif link == 113 or link == 276:  # Linux cooked, versions 1 and 2
-        at += 16 if link == 113 else 20
-        if at > stop:
-            return _SHORT, 0, 0, np.uint64(0)
-        kind = start + 14 if link == 113 else start
-        ethertype = (np.int64(data[kind]) << 8) | data[kind + 1]
-        if ethertype != 0x0800 and ethertype != 0x86DD:
-            return _NOT_IP, 0, 0, np.uint64(0)
-    elif link == 0 or link == 108:  # BSD loopback: four bytes of address family
-        at += 4
-    elif link != 101 and link != 12 and link != 14 and link != 228 and link != 229:  # raw IP
-        return _LINK, 0, 0, np.uint64(0)
 
     if at + 20 > stop:
         return _SHORT, 0, 0, np.uint64(0)
