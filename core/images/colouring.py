@@ -256,7 +256,7 @@ def darkening(u, v, size, vignetting):  # type: ignore[no-untyped-def]
     return square * (vignetting[0] + square * (vignetting[1] + square * vignetting[2]))
 
 
-@kernel()
+@kernel(error_model="numpy", fastmath={"contract", "arcp"})
 def best_colours(  # type: ignore[no-untyped-def]
     xyz, t_s, frame_s, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
     corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out, out_frame,
@@ -289,7 +289,7 @@ def best_colours(  # type: ignore[no-untyped-def]
         out_frame[i] = best_k
 
 
-@kernel()
+@kernel(error_model="numpy", fastmath={"contract", "arcp"})
 def blended_colours(  # type: ignore[no-untyped-def]
     height, begin, pixels_across, place, pixel_m, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
     corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out,
@@ -369,7 +369,7 @@ def rise_within(height, row, column, out):  # type: ignore[no-untyped-def]
             out[a, b] = sums / known
 
 
-@kernel()
+@kernel(error_model="numpy", fastmath={"contract", "arcp"})
 def observations(  # type: ignore[no-untyped-def]
     xyz, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
     corner, cell_m, columns, start, listed, pixels, usable, reduction, most,

@@ -41,7 +41,7 @@ def inside(camera: Camera, pixels: FloatArray, margin_px: float = 0.0) -> NDArra
     return out
 
 
-@kernel()
+@kernel(fastmath={"contract"})
 def pixel_of(intrinsics, x, y):  # type: ignore[no-untyped-def]
     """Column and row of the direction (x, y, 1)."""
     square = x * x + y * y

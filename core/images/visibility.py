@@ -44,7 +44,8 @@ class FrameView:
     Attributes:
         centre_m: (n, 3) projection centres.
         matrix: (n, 3, 3) map to optical frame.
-        axis_cosine: of the largest angle off the optical axis in the image.
+        reach: (2,) tangents of the angles off the optical axis, along rows and columns, beyond which nothing is in the
+            image.
         intrinsics: (9,) of the camera.
         widest: tangent of the largest angle that the distortion allows.
         size: (2,) width and height.
@@ -52,7 +53,7 @@ class FrameView:
 
     centre_m: FloatArray
     matrix: FloatArray
-    axis_cosine: float
+    reach: FloatArray
     intrinsics: FloatArray
     widest: float
     size: FloatArray
@@ -67,13 +68,11 @@ class FrameView:
         edge_x, edge_y = np.linspace(0.0, width - 1.0, 9), np.linspace(0.0, height - 1.0, 9)
         edge = np.concatenate([np.column_stack([edge_x, np.full(9, y)]) for y in (0.0, height - 1.0)])
         edge = np.concatenate([edge, *(np.column_stack([np.full(9, x), edge_y]) for x in (0.0, width - 1.0))])
-        along = unproject(camera, edge)
-        tangent = np.hypot(along[:, 0], along[:, 1])
-        largest = float(np.where(np.isfinite(tangent), tangent, camera.widest).max())
+        tangent = np.abs(unproject(camera, edge)[:, :2])
         return cls(
             np.ascontiguousarray(poses.xyz_m - np.asarray(origin_m)),
             np.ascontiguousarray(poses.rotation.transpose(0, 2, 1) / [poses.scale, poses.scale, 1.0]),
-            float(1.0 / np.hypot(1.0, largest)),
+            1.01 * np.where(np.isfinite(tangent), tangent, camera.widest).max(axis=0),
             camera.intrinsics,
             camera.widest,
             np.array([width, height], np.float64),
@@ -142,7 +141,7 @@ class VisibilityMaker:
             np.ascontiguousarray(xyz_m, np.float64),
             self.view.centre_m,
             self.view.matrix,
-            self.view.axis_cosine,
+            self.view.reach,
             self.view.intrinsics,
             self.view.widest,
             self.view.size,
@@ -198,12 +197,11 @@ def widen_depth(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
     return out
 
 
-@kernel()
+@kernel(error_model="numpy", fastmath={"contract", "arcp"})
 def splat(  # type: ignore[no-untyped-def]
-    xyz, centre, matrix, axis_cosine, intrinsics, widest, size, cell_px, depth, points, corner, cell_m, shape, seen
+    xyz, centre, matrix, reach, intrinsics, widest, size, cell_px, depth, points, corner, cell_m, shape, seen
 ):
     """Kernel of :meth:`VisibilityMaker.add`."""
-    axis_sine = np.sqrt(1.0 - axis_cosine * axis_cosine)
     cell = np.empty(PIECE, np.int64)
     for begin in range(0, len(xyz), PIECE):
         end = min(begin + PIECE, len(xyz))
@@ -219,22 +217,26 @@ def splat(  # type: ignore[no-untyped-def]
         radius = 0.5 * np.sqrt(((high - low) ** 2).sum())
         for k in range(len(centre)):
             dx, dy, dz = middle[0] - centre[k, 0], middle[1] - centre[k, 1], middle[2] - centre[k, 2]
-            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-            if distance > MAX_DISTANCE_M + radius:
+            if np.sqrt(dx * dx + dy * dy + dz * dz) > MAX_DISTANCE_M + radius:
                 continue
-            if distance > radius:
-                # The sphere around the points against the cone around the image.
-                forward = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
-                aside = np.sqrt(max(distance * distance - forward * forward, 0.0))
-                if aside * axis_cosine - forward * axis_sine > radius:
-                    continue
+            # The sphere around the points against the pyramid around the image.
+            forward = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
+            aside = False
+            for j in range(2):
+                along = abs(matrix[k, j, 0] * dx + matrix[k, j, 1] * dy + matrix[k, j, 2] * dz)
+                aside |= along - reach[j] * forward > radius * np.sqrt(1.0 + reach[j] * reach[j])
+            if aside:
+                continue
             for i in range(begin, end):
                 dx, dy, dz = xyz[i, 0] - centre[k, 0], xyz[i, 1] - centre[k, 1], xyz[i, 2] - centre[k, 2]
                 z = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
                 if not z > MIN_DISTANCE_M:
                     continue
-                x = (matrix[k, 0, 0] * dx + matrix[k, 0, 1] * dy + matrix[k, 0, 2] * dz) / z
-                y = (matrix[k, 1, 0] * dx + matrix[k, 1, 1] * dy + matrix[k, 1, 2] * dz) / z
+                x = matrix[k, 0, 0] * dx + matrix[k, 0, 1] * dy + matrix[k, 0, 2] * dz
+                y = matrix[k, 1, 0] * dx + matrix[k, 1, 1] * dy + matrix[k, 1, 2] * dz
+                if abs(x) > reach[0] * z or abs(y) > reach[1] * z:
+                    continue
+                x, y = x / z, y / z
                 if x * x + y * y > widest * widest:
                     continue
                 u, v = pixel_of(intrinsics, x, y)
