@@ -68,6 +68,8 @@ POINTS: Final = {
     "exporters/cloud/points.py PointBatch.returns": 1,
     "exporters/cloud/points.py PointBatch.classification": 1,  # LAS: unclassified
     "exporters/cloud/file.py CopcFormat.scale_m": 0.001,
+    "exporters/farm/surface_file.py OpenSurface.read(band)": 1,  # the heights
+    "core/runtime/arrays.py scratch_file(buffering)": -1,  # as of open
 }
 """A point of which nothing else is known."""
 PUBLISHED: Final = {

@@ -37,7 +37,7 @@ def unproject(camera: Camera, pixels: FloatArray) -> FloatArray:
 def inside(camera: Camera, pixels: FloatArray, margin_px: float = 0.0) -> NDArray[np.bool_]:
     """(n,) whether pixels (n, 2) lie in the image, between the middles of its outermost pixels, or so near to it."""
     last = np.array([camera.width - 1, camera.height - 1])
-    out: NDArray[np.bool_] = ((pixels >= -margin_px) & (pixels <= last + margin_px)).all(axis=1)
+    out: NDArray[np.bool_] = np.all((pixels >= -margin_px) & (pixels <= last + margin_px), axis=1)
     return out
 
 

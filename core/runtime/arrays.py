@@ -38,12 +38,12 @@ _mapped: WeakSet[mmap.mmap] = WeakSet()
 """Files of arrays in use."""
 
 
-def scratch_file(buffered: int = -1) -> IO[bytes]:
+def scratch_file(buffering: int = -1) -> IO[bytes]:
     """A nameless file, taken back when it is closed and no array maps it. Raises OSError if it cannot be made.
 
-    So many bytes are written at once; by default as few as for other files.
+    `buffering` in bytes, as of `open`.
     """
-    return tempfile.TemporaryFile(buffering=buffered, prefix="furrowmap-", dir=settings().scratch_folder)
+    return tempfile.TemporaryFile(buffering=buffering, prefix="furrowmap-", dir=settings().scratch_folder)
 
 
 def zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64, order: Literal["C", "F"] = "C") -> NDArray[Any]:
