@@ -23,7 +23,7 @@ from furrowmap.core.values.images import ImageFile
 Pair = tuple[int, int]
 Shared = Callable[[int, int], NDArray[np.bool_]]
 
-MAX_IMAGE_FEATURES: Final = 1400
+MAX_IMAGE_FEATURES: Final = 1600
 """Of an image; those of the greatest contrast are kept."""
 REDUCED: Final = 0.75
 """OpenCV enlarges an image twice before it looks for features: reduced first, half of the time, poses as accurate."""
