@@ -45,7 +45,7 @@ HEIGHT_TRUSTED_M: Final = 0.25
 """Ground that lies further from the vehicle frame's origin than this shows that the mounting's height is not known."""
 STEP_RETURNS: Final = 1 << 20
 """So many returns are looked at together."""
-BUFFER_BYTES: Final = 1 << 20
+SCRATCH_BUFFER_BYTES: Final = 1 << 20
 """Written at once to a scratch file."""
 BODY_MARGIN: Final = 2
 """Pixels round the footprint that are left out as well."""
@@ -197,7 +197,7 @@ class _Scratch:
 
     def __enter__(self) -> Self:
         enter = self._stack.enter_context
-        self._files = [enter(scratch_file(BUFFER_BYTES)) for _ in range(4)]
+        self._files = [enter(scratch_file(SCRATCH_BUFFER_BYTES)) for _ in range(4)]
         return self
 
     def __exit__(self, *_: object) -> None:
