@@ -30,6 +30,7 @@ from furrowmap.core.estimation.vehicle import with_positions
 from furrowmap.core.matching.placing import GUARD_S
 from furrowmap.core.matching.portions import blocks
 from furrowmap.core.matching.registration import session_surface
+from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.position_drift import (
     MIN_GAIN,
@@ -260,6 +261,7 @@ class _Steps:
 
     def done(self) -> None:
         """One step is done."""
+        arrays.release()
         self._done += 1
         self._share = max(self._share, min(1.0, self._done / self._expected))
         self._progress(self._share)

@@ -27,8 +27,8 @@ FloatArray: TypeAlias = NDArray[np.float64]
 Float32Array: TypeAlias = NDArray[np.float32]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
-LARGE: Final = 64 << 20
-"""Arrays of fewer bytes stay in memory: pages of files cost more, and the equations of ten minutes take 46 MB."""
+LARGE: Final = 32 << 20
+"""Arrays of fewer bytes stay in memory; so large ones malloc takes from the system each for itself."""
 ROWS_AT_ONCE: Final = 1 << 15
 """Rows that are computed together where intermediate results would be large."""
 RESIDENT_FILES: Final = 400 << 20
