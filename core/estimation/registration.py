@@ -9,7 +9,7 @@ so that absolute observations alone determine it.
 
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -20,7 +20,8 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import Knots, Observation, State
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel, kernel_part
+from furrowmap.core.values.extents import bounds
 
 UPPER: Final = 21
 """Entries of a symmetric 6 × 6 matrix."""
@@ -55,9 +56,57 @@ class Patches:
     right: FloatArray
 
     @classmethod
-    def kept(cls, *columns: NDArray[Any]) -> "Patches":
-        """Copies of columns that are the filled part of longer ones, which are not kept."""
-        return cls(*(column.copy() for column in columns))
+    def empty(cls, rows: int) -> "Patches":
+        """Rows of zeros."""
+        places = np.zeros((rows, 3), np.int64), np.zeros(rows, np.int64)
+        return cls(*places, np.zeros((rows, UPPER)), np.zeros((rows, UPPER)), np.zeros((rows, 6)))
+
+
+@dataclass(frozen=True)
+class PatchRows:
+    """Rows of :class:`Patches` while a chain's returns are added in the order of time, with room for some more.
+
+    Attributes:
+        west: of the patches over the returns, in patches.
+        south: the same.
+        slots: (PATCH_LAYERS, rows, columns) the row of each patch in the interval at hand, −1 where it has none.
+        rows: all of them; those not yet filled are 0.
+        progress: (4,) int64: the return to add next, rows filled, the first of the interval at hand, that interval.
+    """
+
+    west: int
+    south: int
+    slots: NDArray[np.int64]
+    rows: Patches
+    progress: NDArray[np.int64]
+
+    @classmethod
+    def over(cls, xyz_m: FloatArray, patch_m: float, room: int) -> "PatchRows":
+        """No rows yet, room for some, over returns (n, 3); these alone, as a surface's extent grows with the drive."""
+        low, high = (np.floor(end[:2] / patch_m).astype(int) for end in bounds(xyz_m)) if len(xyz_m) else (0, 0)
+        columns, rows = np.broadcast_to(high - low + 1, 2)
+        west, south = np.broadcast_to(low, 2).tolist()
+        slots = np.full((PATCH_LAYERS, rows, columns), -1, np.int64)
+        return cls(west, south, slots, Patches.empty(room), np.array([0, 0, 0, -1]))
+
+    @property
+    def full(self) -> bool:
+        """Whether there is no room left."""
+        return bool(self.progress[1] == len(self.rows.interval))
+
+    def longer(self) -> "PatchRows":
+        """The same with room for twice as many."""
+        columns = vars(self.rows).values()
+        rows = Patches(*(np.concatenate([column, np.zeros_like(column)]) for column in columns))
+        return replace(self, rows=rows)
+
+    def arguments(self) -> tuple[Any, ...]:
+        """Of the kernels that fill them."""
+        return self.west, self.south, self.slots, *vars(self.rows).values(), self.progress
+
+    def filled(self) -> Patches:
+        """Copies of the rows that are filled; the room is not kept."""
+        return Patches(*(column[: self.progress[1]].copy() for column in vars(self.rows).values()))
 
 
 def stored(found: Iterable[Patches]) -> list[Patches]:
@@ -213,59 +262,14 @@ def _factor(matrix, least):  # type: ignore[no-untyped-def]
             matrix[a, b] = np.sqrt(max(left, least)) if a == b else left / matrix[b, b]
 
 
-@kernel()
-def patch_slots(xyz_m, patch_m):  # type: ignore[no-untyped-def]
-    """West and south of the patches over points (n, 3), and (PATCH_LAYERS, rows, columns) of −1 for their rows."""
-    x0 = y0 = np.inf if len(xyz_m) else 0.0
-    x1 = y1 = -np.inf if len(xyz_m) else -patch_m
-    for i in range(len(xyz_m)):  # numba's own least and greatest compile for two seconds
-        x0, x1 = min(x0, xyz_m[i, 0]), max(x1, xyz_m[i, 0])
-        y0, y1 = min(y0, xyz_m[i, 1]), max(y1, xyz_m[i, 1])
-    west, south = int(np.floor(x0 / patch_m)), int(np.floor(y0 / patch_m))
-    rows, columns = int(np.floor(y1 / patch_m)) - south + 1, int(np.floor(x1 / patch_m)) - west + 1
-    return west, south, np.full((PATCH_LAYERS, rows, columns), -1, np.int64)
-
-
-@kernel()
-def patch_store(room):  # type: ignore[no-untyped-def]
-    """Room for `room` rows of :class:`Patches`: place, interval, early, late, right."""
-    return (
-        np.zeros((room, 3), np.int64),
-        np.zeros(room, np.int64),
-        np.zeros((room, UPPER)),
-        np.zeros((room, UPPER)),
-        np.zeros((room, 6)),
-    )
-
-
-@kernel()
-def open_patch(store, count, column, row, layer, interval):  # type: ignore[no-untyped-def]
-    """Begin row `count`; returns the store, twice as long where it was full."""
-    if count == len(store[1]):
-        longer = patch_store(2 * count)
-        for k in range(count):  # entry by entry: an assignment of arrays would take seconds to compile
-            longer[1][k] = store[1][k]
-            for e in range(3):
-                longer[0][k, e] = store[0][k, e]
-            for e in range(UPPER):
-                longer[2][k, e], longer[3][k, e] = store[2][k, e], store[3][k, e]
-            for e in range(6):
-                longer[4][k, e] = store[4][k, e]
-        store = longer
-    store[0][count, 0], store[0][count, 1], store[0][count, 2] = column, row, layer
-    store[1][count] = interval
-    return store
-
-
-@kernel()
-def close_patches(slots, store, first, last, west, south):  # type: ignore[no-untyped-def]
+@kernel_part()
+def close_patches(slots, place, first, last, west, south):  # type: ignore[no-untyped-def]
     """Free the slots of the rows from `first` to before `last`: another interval begins."""
-    place = store[0]
     for k in range(first, last):
         slots[place[k, 2], place[k, 1] - south, place[k, 0] - west] = -1
 
 
-@kernel()
+@kernel_part()
 def add_to_patch(early, late, right, k, row, weight, late_share, residual):  # type: ignore[no-untyped-def]
     """Add one equation to the sums of row `k`."""
     entry = 0
@@ -341,14 +345,14 @@ def _add_slices(size, band, right, linked, normal, slice_right):  # type: ignore
                     band[size + b - a, first + a] += quarter
 
 
-@kernel()
+@kernel_part()
 def plane_row(row, nx, ny, nz, x, y, z):  # type: ignore[no-untyped-def]
     """Set `row` (6,) to (n, p × n): derivatives of a distance along n of a point at p from the pose's place."""
     row[0], row[1], row[2] = nx, ny, nz
     row[3], row[4], row[5] = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
 
 
-@kernel()
+@kernel_part()
 def add_to_slice(normal, right, right_free, k, row, weight, residual, residual_free):  # type: ignore[no-untyped-def]
     """Add one equation to the sums of slice `k`."""
     entry = 0

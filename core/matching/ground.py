@@ -18,18 +18,16 @@ from furrowmap.core.estimation.coarse import CoarseGrid
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain
 from furrowmap.core.estimation.registration import (
     Patches,
+    PatchRows,
     SliceSums,
     add_to_patch,
     add_to_slice,
     close_patches,
-    open_patch,
-    patch_slots,
-    patch_store,
     plane_row,
 )
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, HeightGrid
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel, kernel_part
 
 NOISE_M: Final = 0.012
 """Standard deviation of a return's height against a surface: range noise, and relief finer than the cells."""
@@ -146,37 +144,43 @@ def register_ground(
         Sums by patch; empty without coarse knots.
     """
     tiles, chain, coarse, slices = surface.tiles, poses.chain, poses.coarse, sums.slices
-    return Patches.kept(
-        *_register(
+    patched = placed.xyz_m[: len(placed.t_s) if coarse.every else 0]
+    patches = PatchRows.over(patched, coarse.patch_m, 1024 if coarse.every else 0)
+    while patches.progress[0] < len(placed.t_s):
+        _register(
             placed.t_s, placed.xyz_m, placed.layer, placed.half, placed.weight,
             chain.first, chain.count, chain.begin_s,
             tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight,
             poses.position_m, relief.variance, relief.noise, relief.trim, share,
             slices.normal, slices.right, slices.right_free, slices.count, sums.tally,
-            coarse.first, coarse.every, coarse.patch_m,
-        )
-    )  # fmt: skip
+            coarse.first, coarse.every, coarse.patch_m, *patches.arguments(),
+        )  # fmt: skip
+        if patches.full:
+            patches = patches.longer()
+    return patches.filled()
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz"})
 def _register(  # type: ignore[no-untyped-def]
     t_s, xyz_m, layer, half, return_weight, first, count, begin_s, cell_m, west, south, number, height, weight,
     position_m, relief, noise, trim, share, normal, right, right_free, used, tally, first_coarse, every, patch_m,
+    patch_west, patch_south, slots, place, interval_of, early, late, pull, progress,
 ):  # fmt: skip
+    """Register returns from the next one on, until all are or another patch would have no room."""
     n = len(t_s)
     rows, columns = number.shape
-    # Only these returns' own extent: that of the whole surface grows with the length of the drive.
-    patch_west, patch_south, slots = patch_slots(xyz_m[: n if every > 0 else 0], patch_m)
-    store = patch_store(1024 if every > 0 else 0)
-    patches = opened = np.int64(0)
-    now = -1
+    begin, patches, opened, now = progress[0], progress[1], progress[2], progress[3]
+    progress[0] = n
     variance = NOISE_M * NOISE_M
     per_cell = 1.0 / cell_m
     node = np.empty((2, 4))
     full = np.empty((2, 4))
     mean = np.empty(4)
     row6 = np.empty(6)
-    for i in range(n):
+    for i in range(begin, n):
+        if every > 0 and patches == len(interval_of):
+            progress[0] = i
+            break
         return_weight[i] = 255
         if layer[i] < 0:
             continue
@@ -254,21 +258,22 @@ def _register(  # type: ignore[no-untyped-def]
         interval = local // every
         late_share = (local + 0.5) / every - interval
         if interval != now:
-            close_patches(slots, store, opened, patches, patch_west, patch_south)
+            close_patches(slots, place, opened, patches, patch_west, patch_south)
             now, opened = interval, patches
         px, py = int(np.floor(xyz_m[i, 0] / patch_m)), int(np.floor(xyz_m[i, 1] / patch_m))
         c = slots[layer[i], py - patch_south, px - patch_west]
         if c < 0:
-            store = open_patch(store, patches, px, py, np.int64(layer[i]), first_coarse + interval)
-            c = slots[layer[i], py - patch_south, px - patch_west] = int(patches)
+            c = slots[layer[i], py - patch_south, px - patch_west] = patches
+            place[c, 0], place[c, 1], place[c, 2] = px, py, layer[i]
+            interval_of[c] = first_coarse + interval
             patches += 1
         lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]
         plane_row(row6, -slope_x, -slope_y, 1.0, lx, ly, lz)
-        add_to_patch(store[2], store[3], store[4], c, row6, w, late_share, residual_free)
-    return store[0][:patches], store[1][:patches], store[2][:patches], store[3][:patches], store[4][:patches]
+        add_to_patch(early, late, pull, c, row6, w, late_share, residual_free)
+    progress[1], progress[2], progress[3] = patches, opened, now
 
 
-@kernel()
+@kernel_part()
 def _counts(steep, trim):  # type: ignore[no-untyped-def]
     """Weight of a slope in standard deviations: 1 up to half of `trim`, smoothly less beyond."""
     if steep <= 0.5 * trim:

@@ -18,19 +18,17 @@ from numpy.typing import NDArray
 from furrowmap.core.estimation.knots import KNOT_STEP_S
 from furrowmap.core.estimation.registration import (
     Patches,
+    PatchRows,
     SliceSums,
     add_to_patch,
     add_to_slice,
     close_patches,
-    open_patch,
-    patch_slots,
-    patch_store,
     plane_row,
 )
 from furrowmap.core.matching.ground import ChainPoses
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, Tiles, tiles_over
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel, kernel_part
 
 MIN_WALL_RANGE_M: Final = 1.5
 MAX_WALL_RANGE_M: Final = 40.0
@@ -210,16 +208,22 @@ def register_walls(
         Sums by patch, empty without coarse knots, and the scatter of the residuals.
     """
     tiles, chain, coarse = walls.columns.tiles, poses.chain, poses.coarse
-    tally = np.zeros(5)
-    patches = Patches.kept(
-        *_register(
+    tally, group = np.zeros(5), np.full(2 * len(walls.line), -1)
+    group_sums = np.zeros((len(group), 3))
+    patched = placed.xyz_m[: len(placed.t_s) if coarse.every else 0]
+    patches = PatchRows.over(patched, WALL_PATCH_M, 64 if coarse.every else 0)
+    while patches.progress[0] < len(placed.t_s):
+        _register(
             placed.t_s, placed.xyz_m, placed.half, chain.first, chain.count, chain.begin_s,
             COLUMN_CELL_M, tiles.west, tiles.south, tiles.number, walls.columns.number, walls.line,
-            poses.position_m, correlated, share, sums.normal, sums.right, sums.right_free, sums.count, tally,
-            coarse.first, coarse.every, WALL_PATCH_M,
-        )
-    )  # fmt: skip
-    return patches, Scatter(*tally.tolist())
+            poses.position_m, correlated, share, sums.normal, sums.right, sums.right_free, sums.count,
+            tally, group, group_sums, coarse.first, coarse.every, WALL_PATCH_M, *patches.arguments(),
+        )  # fmt: skip
+        if patches.full:
+            patches = patches.longer()
+    for of in range(len(group)):
+        _close(group_sums, of, tally)
+    return patches.filled(), Scatter(*tally.tolist())
 
 
 @kernel()
@@ -268,7 +272,7 @@ def _number(xyz_m, cell_m, west, south, tile_number, number, count):  # type: ig
     return count
 
 
-@kernel()
+@kernel_part()
 def _column(e, n, cell_m, west, south, tile_number, number):  # type: ignore[no-untyped-def]
     """Number of the column at a place, −1 where there is none, and the place against its centre."""
     x, y = int(np.floor(e / cell_m)), int(np.floor(n / cell_m))
@@ -328,17 +332,18 @@ def _fit(sums):  # type: ignore[no-untyped-def]
 @kernel(error_model="numpy")
 def _register(  # type: ignore[no-untyped-def]
     t_s, xyz_m, half, first, count, begin_s, cell_m, west, south, tile_number, number, line, position_m, correlated,
-    share, normal, right, right_free, used, tally, first_coarse, every, patch_m,
+    share, normal, right, right_free, used, tally, group, group_sums, first_coarse, every, patch_m,
+    patch_west, patch_south, slots, place, interval_of, early, late, pull, progress,
 ):  # fmt: skip
+    """Register returns from the next one on, until all are or another patch would have no room."""
     n = len(t_s)
-    patch_west, patch_south, slots = patch_slots(xyz_m[: n if every > 0 else 0], patch_m)
-    store = patch_store(64 if every > 0 else 0)
-    patches = opened = np.int64(0)
-    interval_now = -1
-    group = np.full(2 * len(line), -1, np.int64)
-    group_sums = np.zeros((2 * len(line), 3))
+    begin, patches, opened, interval_now = progress[0], progress[1], progress[2], progress[3]
+    progress[0] = n
     row6 = np.empty(6)
-    for i in range(n):
+    for i in range(begin, n):
+        if every > 0 and patches == len(interval_of):
+            progress[0] = i
+            break
         c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], cell_m, west, south, tile_number, number)
         if c < 0:
             continue
@@ -360,7 +365,7 @@ def _register(  # type: ignore[no-untyped-def]
         now = int((t_s[i] - begin_s) / GROUP_S)
         of = 2 * c + half[i]
         if now != group[of]:
-            _close(group_sums[of], tally)
+            _close(group_sums, of, tally)
             group[of] = now
         signed = min(max(residual / np.sqrt(variance), -WALL_HUBER), WALL_HUBER)
         group_sums[of, 0] += 1.0
@@ -381,27 +386,26 @@ def _register(  # type: ignore[no-untyped-def]
         interval = local // every
         late_share = (local + 0.5) / every - interval
         if interval != interval_now:
-            close_patches(slots, store, opened, patches, patch_west, patch_south)
+            close_patches(slots, place, opened, patches, patch_west, patch_south)
             interval_now, opened = interval, patches
         px, py = int(np.floor(xyz_m[i, 0] / patch_m)), int(np.floor(xyz_m[i, 1] / patch_m))
         p = slots[WALL_LAYER, py - patch_south, px - patch_west]
         if p < 0:
-            store = open_patch(store, patches, px, py, WALL_LAYER, first_coarse + interval)
             p = slots[WALL_LAYER, py - patch_south, px - patch_west] = patches
+            place[p, 0], place[p, 1], place[p, 2] = px, py, WALL_LAYER
+            interval_of[p] = first_coarse + interval
             patches += 1
         lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]
         plane_row(row6, other[2], other[3], 0.0, lx, ly, lz)
-        add_to_patch(store[2], store[3], store[4], p, row6, w, late_share, residual_free)
-    for of in range(len(group_sums)):
-        _close(group_sums[of], tally)
-    return store[0][:patches], store[1][:patches], store[2][:patches], store[3][:patches], store[4][:patches]
+        add_to_patch(early, late, pull, p, row6, w, late_share, residual_free)
+    progress[1], progress[2], progress[3] = patches, opened, interval_now
 
 
-@kernel()
-def _close(group_sums, tally):  # type: ignore[no-untyped-def]
+@kernel_part()
+def _close(group_sums, of, tally):  # type: ignore[no-untyped-def]
     """Count a group of one column and one second, if it has four returns, and begin the next."""
-    if group_sums[0] >= 4.0:
+    if group_sums[of, 0] >= 4.0:
         tally[0] += 1.0
-        tally[1] += group_sums[1] * group_sums[1] / group_sums[0]
-        tally[2] += group_sums[2] / group_sums[0]
-    group_sums[:] = 0.0
+        tally[1] += group_sums[of, 1] * group_sums[of, 1] / group_sums[of, 0]
+        tally[2] += group_sums[of, 2] / group_sums[of, 0]
+    group_sums[of, 0] = group_sums[of, 1] = group_sums[of, 2] = 0.0
