@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
-from furrowmap.core.runtime.arrays import FloatArray, of_file, scratch_file, taken, zeros
+from furrowmap.core.runtime.arrays import FloatArray, first, of_file, parts, scratch_file, taken, zeros
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
@@ -132,10 +132,10 @@ def ground_returns(
     count = number = 0
     stride, upright_stride, last_s = 1, 1, -np.inf
     scans = iter(scans)
-    first = list(islice(scans, LEARN_SCANS))
-    ground_m = ground_height_m(first, rotation, lever)
+    begin = list(islice(scans, LEARN_SCANS))
+    ground_m = ground_height_m(begin, rotation, lever)
     with _Scratch() as ground, _Scratch() as upright:
-        for scan in chain(first, scans):
+        for scan in chain(begin, scans):
             if on_scan is not None:
                 on_scan(scan)
             if not len(scan):
@@ -147,21 +147,25 @@ def ground_returns(
             xyz, column = np.ascontiguousarray(scan.xyz_m, np.float32), np.ascontiguousarray(scan.column, np.uint16)
             if scan.lasers > MANY_LASERS:
                 column = column + np.uint16(STAGGER_COLUMNS) * scan.laser
-            lying, candidates = select(xyz, column, rotation, lever, ground_m, stride, seen if moves else idle)
-            standing, standing_in_all = select_upright(xyz, column, rotation, lever, ground_m, upright_stride)
+            scanned = t_s, xyz, column, scan.laser
+            lying, candidates = select(*scanned, rotation, lever, ground_m, stride, seen if moves else idle)
+            standing, standing_in_all = select_upright(*scanned, rotation, lever, ground_m, upright_stride)
             count += moves
             number += 1
             duration_s = max(float(t_s[-1] - max(t_s[0], last_s)), 1e-3)
             last_s = float(t_s[-1])
             stride = max(1, round(candidates / (GROUND_RATE_HZ * duration_s)))
             upright_stride = max(1, round(standing_in_all / (UPRIGHT_RATE_HZ * duration_s)))
-            for scratch, (index, xyz_m) in ((ground, lying), (upright, standing)):
-                scratch.add(t_s[index], xyz_m, np.full(len(index), number % 2, np.uint8), scan.laser[index])
+            for scratch, (times, places, lasers) in ((ground, lying), (upright, standing)):
+                scratch.add(times, places, np.full(len(times), number % 2, np.uint8), lasers)
         margin = np.ones((2 * BODY_MARGIN + 1, 2 * BODY_MARGIN + 1), np.bool_)
         body = binary_dilation(seen >= max(1.0, BODY_SHARE * count), margin)
-        what_stands, all_standing = (UprightReturns(*_without_body(upright.stored(), b)) for b in (body, body & False))
-        times, places, halves, lasers = _without_body(ground.stored(), body)
-        return GroundReturns(times, places, halves, body, what_stands, lasers, all_standing)
+        all_standing = _without_body(stored := upright.stored(), body & False, stored)
+        off_body = tuple(zeros(field.shape, field.dtype) for field in all_standing)
+        what_stands = _without_body(all_standing, body, off_body)
+        upright_returns = UprightReturns(*what_stands), UprightReturns(*all_standing)
+        t_s, xyz_m, half, laser = _without_body(stored := ground.stored(), body, stored)
+        return GroundReturns(t_s, xyz_m, half, body, upright_returns[0], laser, upright_returns[1])
 
 
 def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:
@@ -208,7 +212,7 @@ class _Scratch:
     ) -> None:
         """Append returns."""
         for file, column in zip(self._files, (t_s, xyz_m, half, laser), strict=True):
-            file.write(np.ascontiguousarray(column).data)
+            file.write(column.data)
         self._count += len(t_s)
 
     def stored(self) -> _Fields:
@@ -226,18 +230,24 @@ class _Scratch:
         )
 
 
-def _without_body(found: _Fields, body: NDArray[np.bool_]) -> _Fields:
-    """Those of the returns that are off the body, in the order of time."""
-    with _Scratch() as scratch:
-        for begin in range(0, len(found[0]), STEP_RETURNS):
-            part = slice(begin, begin + STEP_RETURNS)
-            t_s, xyz_m, half, laser = (taken(field, part) for field in found)
-            kept = np.flatnonzero(~on_body(xyz_m, body))
-            # Packets may come a little out of order; what follows relies on time.
-            if np.any(np.diff(t_s) < 0):
-                kept = kept[np.argsort(t_s[kept], kind="stable")]
-            scratch.add(t_s[kept], xyz_m[kept], half[kept], laser[kept])
-        return scratch.stored()
+def _without_body(found: _Fields, body: NDArray[np.bool_], out: _Fields) -> _Fields:
+    """Those of the returns that are off the body, in the order of time: the first rows of `out`, which may be `found`.
+
+    Pages that are written already are written again quickly; those of another file would all be fresh.
+    """
+    rows = 0
+    for part in parts(len(found[0]), STEP_RETURNS):
+        columns = [taken(field, part) for field in found]
+        t_s, xyz_m = columns[:2]
+        kept = np.flatnonzero(~on_body(xyz_m, body))
+        # Packets may come a little out of order; what follows relies on time.
+        if np.any(np.diff(t_s) < 0):
+            kept = kept[np.argsort(t_s[kept], kind="stable")]
+        for to, column in zip(out, columns, strict=True):
+            to[rows : rows + len(kept)] = column[kept]
+        rows += len(kept)
+    t_s, xyz_m, half, laser = (first(field, rows) for field in out)
+    return t_s, xyz_m, half, laser
 
 
 @kernel()
@@ -252,15 +262,15 @@ def on_body(xyz_m, body):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def select(xyz_m, column, rotation, lever_m, ground_m, stride, seen):  # type: ignore[no-untyped-def]
-    """Indices and vehicle coordinates of every `stride`-th firing's ground returns, and how many there are in all.
+def select(t_s, xyz_m, column, laser, rotation, lever_m, ground_m, stride, seen):  # type: ignore[no-untyped-def]
+    """Time, place in the vehicle frame and laser of every `stride`-th firing's ground returns, and the count of all.
 
     The ground lies about `ground_m` above the vehicle frame's origin.
 
     `seen` counts the scans with upright returns above each pixel of the vehicle frame.
     """
     n = len(xyz_m)
-    index = np.empty(n, np.int64)
+    times, lasers = np.empty(n), np.empty(n, np.uint8)
     out = np.empty((n, 3), np.float32)
     mark = np.zeros((PIXELS, PIXELS), np.bool_)
     kept = candidates = 0
@@ -282,7 +292,7 @@ def select(xyz_m, column, rotation, lever_m, ground_m, stride, seen):  # type: i
             continue
         candidates += 1
         if column[i] % stride == 0:
-            index[kept] = i
+            times[kept], lasers[kept] = t_s[i], laser[i]
             out[kept, 0], out[kept, 1], out[kept, 2] = x, y, z
             kept += 1
-    return (index[:kept], out[:kept]), candidates
+    return (times[:kept], out[:kept], lasers[:kept]), candidates

@@ -227,13 +227,15 @@ def register_walls(
 
 
 @kernel()
-def select_upright(xyz_m, column, rotation, lever_m, ground_m, stride):  # type: ignore[no-untyped-def]
-    """Indices and vehicle coordinates of every `stride`-th firing's returns well above the ground, and how many in all.
+def select_upright(  # type: ignore[no-untyped-def]
+    t_s, xyz_m, column, laser, rotation, lever_m, ground_m, stride
+):
+    """Time, place in the vehicle frame and laser of every `stride`-th firing's upright returns, and the count of all.
 
     The ground lies about `ground_m` above the vehicle frame's origin.
     """
     n = len(xyz_m)
-    index = np.empty(n, np.int64)
+    times, lasers = np.empty(n), np.empty(n, np.uint8)
     out = np.empty((n, 3), np.float32)
     kept = candidates = 0
     for i in range(n):
@@ -250,10 +252,10 @@ def select_upright(xyz_m, column, rotation, lever_m, ground_m, stride):  # type:
             continue
         candidates += 1
         if column[i] % stride == 0:
-            index[kept] = i
+            times[kept], lasers[kept] = t_s[i], laser[i]
             out[kept, 0], out[kept, 1], out[kept, 2] = x, y, z + ground_m
             kept += 1
-    return (index[:kept], out[:kept]), candidates
+    return (times[:kept], out[:kept], lasers[:kept]), candidates
 
 
 @kernel()

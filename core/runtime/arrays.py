@@ -64,8 +64,8 @@ def zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64, order: Li
 
 
 def of_file(file: IO[bytes], shape: int | tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-    """The content of a scratch file as an array that is not to be changed; the file may be closed."""
-    mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    """The content of a scratch file as an array; the file may be closed."""
+    mapped = mmap.mmap(file.fileno(), 0)
     _mapped.add(mapped)
     return np.ndarray(shape, dtype, mapped)
 
@@ -77,6 +77,14 @@ def taken(array: NDArray[Any], part: slice) -> NDArray[Any]:
         begin = part.start * array.strides[0] // mmap.PAGESIZE * mmap.PAGESIZE
         base.madvise(mmap.MADV_DONTNEED, begin, min(part.stop, len(array)) * array.strides[0] - begin)
     return out
+
+
+def first(array: NDArray[Any], rows: int) -> NDArray[Any]:
+    """The first rows, for which :func:`taken` does the same."""
+    base = cast("Any", array.base)
+    if not rows or not isinstance(base, mmap.mmap):
+        return array[:rows]
+    return np.ndarray((rows, *array.shape[1:]), array.dtype, base)
 
 
 def full(shape: int | tuple[int, ...], value: float, dtype: DTypeLike = np.float64) -> NDArray[Any]:
