@@ -17,7 +17,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.yaw_ambiguity import HALVES_CELL_M, MAX_HALVES_RANGE_M, UPRIGHT_CELL_M, relief_of_scans
+from furrowmap.core.adjustment.yaw_ambiguity import (
+    COUNT_GRID,
+    HALVES_CELL_M,
+    MAX_HALVES_RANGE_M,
+    UPRIGHT_CELL_M,
+    relief_of_scans,
+    sum_of_halves,
+)
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
@@ -57,8 +64,6 @@ CLOCK_SUSPECT_SIGMAS on it is tried where results contradict each other."""
 CLOCK_UNIQUE_SIGMAS: Final = 2.0
 """The same, against the next best that is more than CLOCK_APART_S from it."""
 CLOCK_APART_S: Final = 1.0
-COUNT_GRID: Final = 256
-"""Cells along a side of the grid on which returns are counted; places further apart share a cell."""
 CLOCK_FLOOR_S: Final = 0.003
 LEVER_FLOOR_M: Final = 0.01
 """No offset and no lever arm is known better."""
@@ -268,19 +273,8 @@ def agreement_at(t_s, place_m, height_m, half, motion, offsets, per_m, count, to
             count[half[i], a, b] += 1
             if len(height_m):
                 total[half[i], a, b] += height_m[i]
-        product = squares = together = 0.0
-        for i in range(used):
-            a, b = touched[i]
-            both = min(count[0, a, b], count[1, a, b])
-            if both > 0:
-                one, other = total[0, a, b] / count[0, a, b], total[1, a, b] / count[1, a, b]
-                product += both * one * other
-                squares += 0.5 * both * (one * one + other * other)
-                together += 2.0 * both
-            for layer in range(2):
-                count[layer, a, b] = 0
-                total[layer, a, b] = 0.0
-        out[number] = (product / squares if squares > 0.0 else 0.0) if len(height_m) else together / n
+        product, squares, both = sum_of_halves(touched, used, count, total)
+        out[number] = (product / squares if squares > 0.0 else 0.0) if len(height_m) else 2.0 * both / n
     return out
 
 

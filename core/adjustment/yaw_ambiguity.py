@@ -13,7 +13,7 @@ stands out from all others, the stated one is assumed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -26,6 +26,7 @@ from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel, kernel_part
 
 Measure = Callable[[FloatArray], FloatArray]
 """What repeats in windows (n,) under each of several turns (k,) in radians, as (n, k)."""
@@ -48,6 +49,10 @@ MAX_YAW_RETURNS: Final = 10_000
 """So many returns of a window show as much as all of them."""
 MIN_YAW_SCAN_RETURNS: Final = 50
 HALVES_CELL_M: Final = 0.15
+COUNT_GRID: Final = 256
+WIDE_GRID: Final = 1024
+"""Cells along a side of the grid on which returns are counted, of the ground nearby and of all that stands: a power of
+two; places further apart share a cell."""
 UPRIGHT_CELL_M: Final = 0.25
 PLANT_CELL_M: Final = 0.1
 MIN_PLANT_SHARE: Final = 0.01
@@ -104,14 +109,16 @@ def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatAr
     def relief(turns: FloatArray) -> FloatArray:
         return _relief_in_both_halves(returns, parts(returns.t_s), knots, state, sensor_m, turns)
 
+    wide = _no_cells(WIDE_GRID)
+
     def shares(upright: UprightReturns, cell_m: float, turns: FloatArray) -> FloatArray:
         """(n, turns) share of upright returns that both halves of the scans have in one place."""
         out = []
         for part in parts(upright.t_s):
             vehicle, half = np.asarray(upright.xyz_m[part], np.float64), np.array(upright.half[part], np.int64)
             if len(half) >= MIN_YAW_UPRIGHT:
-                cells = _cells(np.array(upright.t_s[part]), vehicle, knots, state, sensor_m, turns, cell_m)
-                out.append([2.0 * _by_half(cell, half).min(axis=1).sum() / len(half) for cell in cells])
+                where = _origins_and_arms(np.array(upright.t_s[part]), vehicle, knots, state, sensor_m)
+                out.append(2.0 * turned_halves(*where, np.zeros(0), half, turns, 1.0 / cell_m, *wide)[:, 2] / len(half))
         return np.array(out).reshape(-1, len(turns))
 
     def crop(turns: FloatArray) -> FloatArray:
@@ -212,46 +219,77 @@ def _relief_in_both_halves(
         windows.append((t_s, vehicle, half, relief, cell))
     mean = static[:, 0] / np.maximum(static[:, 1], 1.0)
     out = np.empty((len(windows), len(turns)))
+    cells = _no_cells(COUNT_GRID)
     for k, (t_s, vehicle, half, relief, cell) in enumerate(windows):
-        for number, place in enumerate(_cells(t_s, vehicle, knots, state, sensor_m, turns, HALVES_CELL_M)):
-            count, height = _by_half(place, half), _by_half(place, half, relief - mean[cell])
-            both = np.flatnonzero(count.all(axis=1))
-            weight = count[both].min(axis=1)
-            out[k, number] = (weight * (height[both] / count[both]).prod(axis=1)).sum() / max(weight.sum(), 1.0)
+        where = _origins_and_arms(t_s, vehicle, knots, state, sensor_m)
+        sums = turned_halves(*where, relief - mean[cell], half, turns, 1.0 / HALVES_CELL_M, *cells)
+        out[k] = sums[:, 0] / np.maximum(sums[:, 2], 1.0)
     return out
 
 
-def _cells(
-    t_s: FloatArray,
-    vehicle_m: FloatArray,
-    knots: Knots,
-    state: State,
-    sensor_m: FloatArray,
-    turns: FloatArray,
-    cell_m: float,
-) -> Iterator[NDArray[np.int64]]:
-    """For each turn the number of the cell on the map in which each return (n,) lies."""
+def _origins_and_arms(
+    t_s: FloatArray, vehicle_m: FloatArray, knots: Knots, state: State, sensor_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(n, 2) where the sensor is at each return (n,), and the way from it to the return, both on the map."""
     k, share, _ = knots.at(t_s)
-    plan, forward = state.xyz_m[:, 0] + 1j * state.xyz_m[:, 1], state.rotation[:, 0, 0] + 1j * state.rotation[:, 1, 0]
     # Straight from knot to knot, as complex numbers: easting + i northing.
+    plan, forward = state.xyz_m[:, :2] @ (1.0, 1j), state.rotation[:, :2, 0] @ (1.0, 1j)
     origin, course = (v[k] + share * (v[k + 1] - v[k]) for v in (plan, forward))
     course /= np.abs(course)
     sensor = complex(sensor_m[0], sensor_m[1])
-    arm = (vehicle_m[:, 0] + 1j * vehicle_m[:, 1] - sensor) * course
-    origin = origin + sensor * course
-    for turn in turns:
-        place = origin + np.exp(1j * turn) * arm
-        column, row = (np.floor(v / cell_m).astype(np.int64) for v in (place.real, place.imag))
-        column -= column.min()
-        row -= row.min()
-        yield column + (int(column.max()) + 1) * row
+    both = origin + sensor * course, (vehicle_m[:, :2] @ (1.0, 1j) - sensor) * course
+    return both[0].view(np.float64).reshape(-1, 2), both[1].view(np.float64).reshape(-1, 2)
 
 
-def _by_half(cell: NDArray[np.int64], half: NDArray[np.int64], value: FloatArray | None = None) -> FloatArray:
-    """(cells, 2) how many returns of either half each cell has, or the sum of their values."""
-    size = int(cell.max()) + 1
-    out: FloatArray = np.bincount(2 * cell + half, value, 2 * size).reshape(size, 2).astype(np.float64)
+def _no_cells(side: int) -> tuple[NDArray[np.int64], FloatArray]:
+    """(2, side, side) counts and sums of values of both halves, all zero; cells further apart share one."""
+    return np.zeros((2, side, side), np.int64), np.zeros((2, side, side))
+
+
+@kernel()
+def turned_halves(origin_m, arm_m, value, half, turns, per_m, count, total):  # type: ignore[no-untyped-def]
+    """(k, 3) :func:`sum_of_halves` of returns (n,) at their origin plus their arm, both (n, 2), turned by angles (k,).
+
+    `value` (n,) or none; `count` and `total` as :func:`_no_cells`.
+    """
+    mask = count.shape[1] - 1
+    touched = np.empty((len(half), 2), np.int64)
+    out = np.empty((len(turns), 3))
+    for number in range(len(turns)):
+        used = 0
+        cos, sin = np.cos(turns[number]), np.sin(turns[number])
+        for i in range(len(half)):
+            a = int(np.floor((origin_m[i, 0] + cos * arm_m[i, 0] - sin * arm_m[i, 1]) * per_m)) & mask
+            b = int(np.floor((origin_m[i, 1] + sin * arm_m[i, 0] + cos * arm_m[i, 1]) * per_m)) & mask
+            if count[0, a, b] == 0 and count[1, a, b] == 0:
+                touched[used, 0], touched[used, 1] = a, b
+                used += 1
+            count[half[i], a, b] += 1
+            if len(value):
+                total[half[i], a, b] += value[i]
+        out[number, 0], out[number, 1], out[number, 2] = sum_of_halves(touched, used, count, total)
     return out
+
+
+@kernel_part()
+def sum_of_halves(touched, used, count, total):  # type: ignore[no-untyped-def]
+    """Products of both halves' means, their mean squares, and returns of the smaller half, over `used` touched cells.
+
+    The first two are weighted by the third. Counts and sums (2, side, side) are set back to zero.
+    """
+    product = squares = together = 0.0
+    for i in range(used):
+        a, b = touched[i, 0], touched[i, 1]
+        both = min(count[0, a, b], count[1, a, b])
+        if both > 0:
+            one, other = total[0, a, b] / count[0, a, b], total[1, a, b] / count[1, a, b]
+            product += both * one * other
+            squares += 0.5 * both * (one * one + other * other)
+            together += both
+        for layer in range(2):
+            count[layer, a, b] = 0
+            total[layer, a, b] = 0.0
+    return product, squares, together
 
 
 def relief_of_scans(vehicle_m: FloatArray, half: NDArray[np.int64]) -> FloatArray:

@@ -244,14 +244,16 @@ def test_only_what_stands_near_is_selected() -> None:
     rotation = Rotation.from_euler("ZYX", [0.4, 0.3, 0.1]).as_matrix()
     lever = np.array([0.5, -0.2, 2.0])
     column = (np.arange(len(xyz)) // 16).astype(np.uint16)
-    (index, vehicle), count = select_upright(xyz, column, rotation, lever, 0.1, 1)
+    number, laser = np.arange(len(xyz), dtype=np.float64), (np.arange(len(xyz)) % 16).astype(np.uint8)
+    (index, vehicle, lasers), count = select_upright(number, xyz, column, laser, rotation, lever, 0.1, 1)
     expected = xyz @ rotation.T + lever
     distance, height = np.hypot(expected[:, 0], expected[:, 1]), expected[:, 2] - 0.1
     wanted = (distance > 1.5) & (distance < MAX_WALL_RANGE_M) & (height > np.minimum(0.35 + 0.05 * distance, 1.0))
     assert count == len(index) == wanted.sum()
     np.testing.assert_array_equal(index, np.flatnonzero(wanted))
     np.testing.assert_allclose(vehicle, expected[wanted], atol=1e-5)
-    (fewer, _), again = select_upright(xyz, column, rotation, lever, 0.1, 5)
+    np.testing.assert_array_equal(lasers, laser[wanted])
+    (fewer, _, _), again = select_upright(number, xyz, column, laser, rotation, lever, 0.1, 5)
     assert again == count
-    assert (column[fewer] % 5 == 0).all()
+    assert (column[fewer.astype(int)] % 5 == 0).all()
     assert 0.1 < len(fewer) / count < 0.3
