@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import UsageError
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel, kernel_part
 from furrowmap.core.surfaces.grid import Grid, Surface
 
 NMAD: Final = 1.4826
@@ -23,6 +23,8 @@ _SUM_COLUMNS: Final = {"mean": 1, "min": 3, "max": 4}
 MEAN: Final = _SUM_COLUMNS["mean"]
 MAX_INSERTED: Final = 24
 """Up to this many heights are sorted by insertion."""
+FEW_SELECTED: Final = 4
+"""So many are sorted instead of divided further."""
 
 
 @dataclass(frozen=True)
@@ -143,35 +145,61 @@ def sort_in_place(z):  # type: ignore[no-untyped-def]
         gap = 1 if gap == 2 else gap * 5 // 11
 
 
-@kernel()
-def median_deviation(z, middle):  # type: ignore[no-untyped-def]
-    """Median of the distances of ordered heights from `middle`, their median."""
-    n = len(z)
-    low, high = (n - 1) // 2, n // 2
-    first = second = 0.0
-    steps = 0
-    if low == high:  # the median itself is the nearest
-        low, high, steps = low - 1, high + 1, 1
-    while steps <= n // 2:
-        down = middle - z[low] if low >= 0 else np.inf
-        up = z[high] - middle if high < n else np.inf
-        first = second
-        if down <= up:
-            second = down
-            low -= 1
+@kernel_part()
+def quantile(work, n, share):  # type: ignore[no-untyped-def]
+    """The ordered values before and after a quantile of the n values in work[0], and the share of the way between.
+
+    Hoare's selection. It divides from one row of `work` (2, n or more) into the other, so that no branch depends on a
+    value; both are overwritten.
+    """
+    if n == 1:
+        return work[0, 0], work[0, 0], 0.0
+    k = min(int(share * (n - 1)), n - 2)
+    between = share * (n - 1) - k
+    row, begin, end = 0, 0, n
+    while end - begin > FEW_SELECTED:
+        pivot = (work[row, begin] + work[row, (begin + end) >> 1] + work[row, end - 1]) / 3.0
+        low = begin
+        for _ in range(2):
+            low = begin
+            for i in range(begin, end):
+                value = work[row, i]
+                work[1 - row, low] = value
+                work[1 - row, end - 1 - i + low] = value
+                low += value <= pivot
+            if begin < low < end:
+                break
+            pivot = work[row, begin]  # nothing is divided: next the least value from all others
+            for i in range(begin, end):
+                pivot = min(pivot, work[row, i])
+        if not begin < low < end:
+            return pivot, pivot, between  # all are equal
+        row = 1 - row
+        if k + 1 < low:
+            end = low
+        elif k >= low:
+            begin = low
         else:
-            second = up
-            high += 1
-        steps += 1
-    return second if n % 2 else 0.5 * (first + second)
+            before, after = work[row, begin], work[row, low]
+            for i in range(begin, low):
+                before = max(before, work[row, i])
+            for i in range(low, end):
+                after = min(after, work[row, i])
+            return before, after, between
+    for i in range(begin + 1, end):
+        value, j = work[row, i], i - 1
+        while j >= begin and work[row, j] > value:
+            work[row, j + 1] = work[row, j]
+            j -= 1
+        work[row, j + 1] = value
+    return work[row, k], work[row, k + 1], between
 
 
 @kernel()
 def rank(cell, height_m, kept, cells, base_m, trimmed, share):  # type: ignore[no-untyped-def]
     """Kernel of :func:`cell_surface` where order is needed: height, count, spread and points used of each cell.
 
-    Counting sort by cell, then sorting within each; the median absolute deviation is found by stepping outward from the
-    median.
+    Counting sort by cell, then selection within each.
     """
     height, spread = np.full(cells, np.nan, np.float32), np.full(cells, np.nan, np.float32)
     used = np.zeros(cells, np.uint32)
@@ -179,38 +207,44 @@ def rank(cell, height_m, kept, cells, base_m, trimmed, share):  # type: ignore[n
     for i in range(len(cell)):
         count[cell[i]] += np.uint32(kept[i])
     place = np.zeros(cells + 1, np.int64)
+    most = np.int64(0)
     for k in range(cells):
         place[k + 1] = place[k] + count[k]
+        most = max(most, np.int64(count[k]))
     ordered = np.empty(place[cells], np.float32)
     for i in range(len(cell)):
         if kept[i]:
             ordered[place[cell[i]]] = height_m[i]
             place[cell[i]] += 1
+    work = np.empty((2, most))
     for k in range(cells):
-        n = int(count[k])
+        n = np.int64(count[k])
         if n == 0:
             continue
-        z = ordered[place[k] - n : place[k]]
-        sort_in_place(z)
-        low, high = 0, n
-        middle = 0.5 * (float(z[(n - 1) // 2]) + float(z[n // 2]))
-        deviation = NMAD * median_deviation(z, middle)
+        begin = place[k] - n
+        for i in range(n):
+            work[0, i] = ordered[begin + i]
+        before, after, between = quantile(work, n, share)
+        height[k] = base_m + before + between * np.float32(after - before)
+        used[k] = n
+        if n == 1:
+            continue
+        if share != 0.5:
+            for i in range(n):
+                work[0, i] = ordered[begin + i]
+            before, after, between = quantile(work, n, 0.5)
+        middle = np.float32(before + between * (after - before))
+        for i in range(n):
+            work[0, i] = abs(np.float64(ordered[begin + i]) - middle)
+        before, after, between = quantile(work, n, 0.5)
+        deviation = NMAD * (before + between * (after - before))
+        spread[k] = deviation
         if trimmed:
-            reach = TRIM_NMADS * deviation
-            while z[low] < middle - reach and low < n // 2:
-                low += 1
-            while z[high - 1] > middle + reach and high - 1 > n // 2:
-                high -= 1
-            total = 0.0
-            for i in range(low, high):
-                total += z[i] - z[0]
-            height[k] = base_m + z[0] + total / (high - low)
-        else:
-            at = share * (n - 1)
-            i = min(int(at), n - 2) if n > 1 else 0
-            after = z[min(i + 1, n - 1)]
-            height[k] = base_m + z[i] + (at - i) * (after - z[i])
-        used[k] = high - low
-        if n > 1:
-            spread[k] = deviation
+            reach, total, near = TRIM_NMADS * deviation, 0.0, 0
+            for i in range(begin, begin + n):
+                if middle - reach <= ordered[i] <= middle + reach:
+                    total += ordered[i] - middle
+                    near += 1
+            height[k] = base_m + middle + total / near
+            used[k] = near
     return height, count, spread, used
