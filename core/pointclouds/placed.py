@@ -37,9 +37,11 @@ class Placer:
 
     @cached_property
     def _knots(self) -> tuple[FloatArray, ...]:
-        """Contiguous arrays of the trajectory as the kernel takes them, positions against the local origin."""
+        """Mounting and trajectory as the kernel takes them, positions against the local origin."""
         t = self.trajectory if self.carrier is None else self.carrier
         return (
+            np.ascontiguousarray(self.mounting.rotation),
+            np.asarray(self.mounting.xyz_m, np.float64),
             np.ascontiguousarray(t.t_s),
             np.ascontiguousarray(t.xyz_m - np.asarray(self.origin_m)),
             np.ascontiguousarray(quaternion_to_matrix(t.quaternion) * [[self.scale], [self.scale], [1.0]]),
@@ -53,12 +55,18 @@ class Placer:
         coordinates, known = place_points(
             np.ascontiguousarray(scan.t_s, np.float64),
             np.ascontiguousarray(scan.xyz_m, np.float32),
-            np.ascontiguousarray(self.mounting.rotation),
-            np.asarray(self.mounting.xyz_m, np.float64),
             *self._knots,
             self.trajectory.max_gap_s,
         )
         return coordinates, known
+
+    def covers(self, t_s: FloatArray) -> bool:
+        """Whether times (n,) lie among knots with no gap between, so that each has a pose."""
+        knot_s = (self.trajectory if self.carrier is None else self.carrier).t_s
+        begin, end = np.searchsorted(knot_s, (t_s.min(), t_s.max()))
+        return bool(begin > 0 and end < len(knot_s)) and bool(
+            np.diff(knot_s[begin - 1 : end + 1]).max() <= self.trajectory.max_gap_s
+        )
 
 
 @kernel()
@@ -142,18 +150,6 @@ class PlacedScan:
     xyz_m: NDArray[np.float64]
     classification: NDArray[np.uint8]
     number: NDArray[np.uint32] | int
-
-    @classmethod
-    def joined(cls, parts: Sequence["PlacedScan"]) -> "PlacedScan":
-        """Scans one after the other, each of one number."""
-        if len(parts) == 1:
-            return parts[0]
-        return cls(
-            Scan.joined([part.scan for part in parts]),
-            np.concatenate([part.xyz_m for part in parts]),
-            np.concatenate([part.classification for part in parts]),
-            np.repeat(np.array([part.number for part in parts], np.uint32), [len(part.scan) for part in parts]),
-        )
 
     @cached_property
     def kept(self) -> NDArray[np.bool_]:
@@ -240,7 +236,7 @@ def place_scans(
     begin_s, end_s = trajectory.span_s
     first_s = last_s = float("nan")
     placed: list[tuple[int, float, int]] = []
-    waiting = _Waiting(sink)
+    waiting = _Waiting(sink, placers)
     for scan in scans:
         counts.update(scans=1, scans_whole=int(scan.whole), points_read=len(scan))
         scans_of[scan.scanner] += 1
@@ -250,37 +246,38 @@ def place_scans(
         if scan_s < last_s - DISORDER_S:
             raise InputError("scans-not-in-order", number=scan.number, at_s=iso_utc(scan_s), last_s=iso_utc(last_s))
         first_s, last_s = first_s if np.isfinite(first_s) else scan_s, float(scan.t_s[-1])
-        xyz, known = placers[scan.scanner].place(scan)
         classification = classify(scan)
-        count = int(np.count_nonzero(known))
-        if count < len(scan):
+        if not placers[scan.scanner].covers(scan.t_s):
+            known = placers[scan.scanner].place(scan)[1]
+            count = int(np.count_nonzero(known))
             outside = int(np.count_nonzero((scan.t_s < begin_s) | (scan.t_s > end_s)))
             counts.update(
                 scans_without_pose=int(not count), points_without_pose=len(scan) - count, points_outside=outside
             )
-            scan, xyz, classification = scan[known], xyz[known], classification[known]
-        if not count:
+            scan, classification = scan[known], classification[known]
+        if not len(scan):
             continue
         # Where a gap lies in the middle of a scan's time, the time of its middle point, which has a pose.
         middle_s = 0.5 * float(scan.t_s[0] + scan.t_s[-1])
-        if not trajectory.interval(middle_s)[2][0]:
+        before, share, has_pose = trajectory.interval(middle_s)
+        if not has_pose[0]:
             middle_s = float(scan.t_s[len(scan) // 2])
-        before, share, _ = trajectory.interval(middle_s)
+            before, share, _ = trajectory.interval(middle_s)
         if not standing and trajectory.motion[before[0] + int(share[0] > 0.5)] == Motion.STANDING:
             counts.update(scans_standing=1, points_standing=len(scan))
             if not scan.scanner:
                 placed.append((scan.number, middle_s, 0))
             continue
         if within is not None:
-            inside = within.contains(xyz + placer.origin_m)
+            inside = within.contains(placers[scan.scanner].place(scan)[0] + placer.origin_m)
             counts["points_elsewhere"] += len(scan) - int(np.count_nonzero(inside))
-            scan, xyz, classification = scan[inside], xyz[inside], classification[inside]
+            scan, classification = scan[inside], classification[inside]
         counts["points"] += len(scan)
         points_of[scan.scanner] += len(scan)
         if not scan.scanner:
             placed.append((scan.number, middle_s, len(scan)))
         if len(scan):
-            waiting.add(PlacedScan(scan, xyz, classification, scan.number))
+            waiting.add(scan, classification)
     waiting.hand_on()
     return Placement(
         **counts,
@@ -293,27 +290,33 @@ def place_scans(
 
 
 class _Waiting:
-    """Scans on their way to a sink, which gets those of one scanner together, POINTS_AT_ONCE at least."""
+    """Scans on their way to a sink, which gets those of one scanner placed together, POINTS_AT_ONCE at least."""
 
-    def __init__(self, sink: Callable[[PlacedScan], None]) -> None:
-        self._sink, self._placed, self._points = sink, list[PlacedScan](), 0
+    def __init__(self, sink: Callable[[PlacedScan], None], placers: Sequence[Placer]) -> None:
+        self._sink, self._placers = sink, placers
+        self._scans, self._classes, self._points = list[Scan](), list[NDArray[np.uint8]](), 0
 
-    def add(self, placed: PlacedScan) -> None:
-        """Take a scan."""
-        if self._placed:
-            first = self._placed[0].scan
-            if first.scanner != placed.scan.scanner or placed.scan.t_s[0] - first.t_s[0] > TOGETHER_S:
+    def add(self, scan: Scan, classification: NDArray[np.uint8]) -> None:
+        """Take a scan, all points of which have a pose, with their classes (n,)."""
+        if self._scans:
+            first = self._scans[0]
+            if first.scanner != scan.scanner or scan.t_s[0] - first.t_s[0] > TOGETHER_S:
                 self.hand_on()
-        self._placed.append(placed)
-        self._points += len(placed.scan)
+        self._scans.append(scan)
+        self._classes.append(classification)
+        self._points += len(scan)
         if self._points >= POINTS_AT_ONCE:
             self.hand_on()
 
     def hand_on(self) -> None:
         """Pass on what waits."""
-        if self._placed:
-            self._sink(PlacedScan.joined(self._placed))
-            self._placed, self._points = [], 0
+        if self._scans:
+            scan = Scan.joined(self._scans)
+            xyz, _ = self._placers[scan.scanner].place(scan)
+            numbers = np.array([one.number for one in self._scans], np.uint32)
+            number = np.repeat(numbers, [len(one) for one in self._scans]) if len(numbers) > 1 else scan.number
+            self._sink(PlacedScan(scan, xyz, np.concatenate(self._classes), number))
+            self._scans, self._classes, self._points = [], [], 0
 
 
 def _poses(trajectory: Trajectory, placed: Sequence[tuple[int, float, int]]) -> ScanPoses:

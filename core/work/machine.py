@@ -89,9 +89,8 @@ def classifier(*machines: "MachineVoxels | None") -> Callable[[Scan], NDArray[np
         classes = unclassified(scan)
         for machine in machines:
             if machine is not None:
-                own = machine.classify(scan)
-                classes = np.where(own == PointClass.OTHER, classes, own)
-        classes[isolated(scan) & (classes == PointClass.OTHER)] = PointClass.NOISE
+                machine.classify(scan, classes)
+        np.putmask(classes, isolated(scan) & (classes == _OTHER), PointClass.NOISE)
         return classes
 
     return classify
@@ -138,11 +137,9 @@ class MachineVoxels:
         shifted = upright @ np.asarray(self.mounting.xyz_m) - (0.0, 0.0, level) - _LOW_M
         return np.column_stack([turned, shifted]) / VOXEL_M
 
-    def classify(self, scan: Scan) -> NDArray[np.uint8]:
-        """The class (n,) uint8 of each point: VEHICLE, IMPLEMENT or OTHER."""
-        xyz = np.ascontiguousarray(scan.xyz_m, np.float32)
-        classes: NDArray[np.uint8] = _look_up(xyz, self._to_voxels, self.classes)
-        return classes
+    def classify(self, scan: Scan, classes: NDArray[np.uint8]) -> None:
+        """Set the class (n,) of the points in voxels of the machine to VEHICLE or IMPLEMENT."""
+        _look_up(np.ascontiguousarray(scan.xyz_m, np.float32), self._to_voxels, self.classes, classes)
 
 
 def learn_machine(
@@ -254,19 +251,20 @@ def _count(xyz_m, ground, lowered_m, number, last, count):  # type: ignore[no-un
 
 
 @kernel()
-def _look_up(xyz_m, to_voxels, classes):  # type: ignore[no-untyped-def]
-    """Class of the voxel of each point in the lidar frame; OTHER outside."""
-    n = len(xyz_m)
-    out = np.empty(n, np.uint8)
+def _look_up(xyz_m, to_voxels, voxels, classes):  # type: ignore[no-untyped-def]
+    """Kernel of :meth:`MachineVoxels.classify`, of points in the lidar frame."""
     a0, a1, a2, a3 = to_voxels[0, 0], to_voxels[0, 1], to_voxels[0, 2], to_voxels[0, 3]
     b0, b1, b2, b3 = to_voxels[1, 0], to_voxels[1, 1], to_voxels[1, 2], to_voxels[1, 3]
     c0, c1, c2, c3 = to_voxels[2, 0], to_voxels[2, 1], to_voxels[2, 2], to_voxels[2, 3]
-    long, wide, high = classes.shape
-    for i in range(n):
+    long, wide, high = voxels.shape
+    for i in range(len(xyz_m)):
         x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
         a = a0 * x + a1 * y + a2 * z + a3
+        if not 0.0 <= a < long:
+            continue
         b = b0 * x + b1 * y + b2 * z + b3
         c = c0 * x + c1 * y + c2 * z + c3
-        inside = 0.0 <= a < long and 0.0 <= b < wide and 0.0 <= c < high
-        out[i] = classes[int(a), int(b), int(c)] if inside else _OTHER
-    return out
+        if 0.0 <= b < wide and 0.0 <= c < high:
+            voxel = voxels[int(a), int(b), int(c)]
+            if voxel != _OTHER:
+                classes[i] = voxel

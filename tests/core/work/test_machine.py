@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from furrowmap.core.pointclouds.placed import unclassified
 from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.core.work.learning import learn_implement
 from furrowmap.core.work.machine import MachineVoxels, learn_machine
@@ -45,7 +46,8 @@ def machine(scans: list[Scan]) -> MachineVoxels:
 
 def test_machine__body_and_tool_are_told_from_the_ground(scans: list[Scan], machine: MachineVoxels) -> None:
     for scan in scans[::7]:
-        xyz, classes = vehicle_xyz(scan), machine.classify(scan)
+        xyz, classes = vehicle_xyz(scan), unclassified(scan)
+        machine.classify(scan, classes)
         body = np.any([inside(xyz, box) for box in BODY], axis=0) & (xyz[:, 2] > 0.3)
         assert (classes[body] == PointClass.VEHICLE).mean() > 0.97
         away = ~np.any([inside(xyz, box, 0.4) for box in (*BODY, REACH)], axis=0)
@@ -54,7 +56,8 @@ def test_machine__body_and_tool_are_told_from_the_ground(scans: list[Scan], mach
 
 def test_machine__the_tool_is_known_at_every_height(scans: list[Scan], machine: MachineVoxels) -> None:
     for scan in scans[::7]:
-        xyz, classes = vehicle_xyz(scan), machine.classify(scan)
+        xyz, classes = vehicle_xyz(scan), unclassified(scan)
+        machine.classify(scan, classes)
         tool = inside(xyz, (-3.0, -1.25, -0.9, 0.9, 0.2, 1.9)) & ~np.any([inside(xyz, box) for box in BODY], axis=0)
         if np.count_nonzero(tool) > 100:
             assert (classes[tool] == PointClass.IMPLEMENT).mean() > 0.9
