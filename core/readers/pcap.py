@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel, kernel_part
 
 SKIPPED: Final = (
     "", "not IP", "not UDP", "IP fragments", "cut short by the capture", "damaged headers",
@@ -78,7 +78,7 @@ MORE, DAMAGE, CONTROL, FULL = range(4)
 """Why a kernel stopped: end of the data, an implausible record, a control block of pcapng, or full output arrays."""
 
 
-@kernel()
+@kernel_part()
 def _u32(data, at, big):  # type: ignore[no-untyped-def]
     if big:
         return (
@@ -87,7 +87,7 @@ def _u32(data, at, big):  # type: ignore[no-untyped-def]
     return (np.int64(data[at + 3]) << 24) | (np.int64(data[at + 2]) << 16) | (np.int64(data[at + 1]) << 8) | data[at]
 
 
-@kernel()
+@kernel_part()
 def _join(data, at, stop, key, first, more, parts):  # type: ignore[no-untyped-def]
     """Keep data[at:stop], a fragment from byte `first` on; the length of its datagram if now complete, else 0.
 
@@ -110,26 +110,28 @@ def _join(data, at, stop, key, first, more, parts):  # type: ignore[no-untyped-d
         parts.key[slot] = key
         parts.counts[slot, 0], parts.counts[slot, 1], parts.counts[slot, 2] = 0, 0, -1
         parts.counts[slot, 3] = parts.used[1]
-        parts.covered[slot] = False
-    counts = parts.counts[slot]
-    counts[0] += 1
+        for block in range(parts.covered.shape[1]):
+            parts.covered[slot, block] = False
+    parts.counts[slot, 0] += 1
     if not more:
-        counts[2] = first + size
+        parts.counts[slot, 2] = first + size
     for block in range(first // 8, (first + size + 7) // 8):
         if not parts.covered[slot, block]:
             parts.covered[slot, block] = True
-            counts[1] += min(8, first + size - 8 * block)
-    parts.bytes[slot, first : first + size] = data[at:stop]
-    total = counts[2]
-    if counts[1] != total:
+            parts.counts[slot, 1] += min(8, first + size - 8 * block)
+    for i in range(size):
+        parts.bytes[slot, first + i] = data[at + i]
+    total = parts.counts[slot, 2]
+    if parts.counts[slot, 1] != total:
         return 0
-    parts.joined[parts.used[0] : parts.used[0] + total] = parts.bytes[slot, :total]
+    for i in range(total):
+        parts.joined[parts.used[0] + i] = parts.bytes[slot, i]
     parts.used[0] += total
-    counts[0] = counts[3] = 0
+    parts.counts[slot, 0] = parts.counts[slot, 3] = 0
     return total
 
 
-@kernel()
+@kernel_part()
 def _datagram(data, start, stop, link, parts):  # type: ignore[no-untyped-def]
     """Reason code, offset and length of the payload, and sender of the frame in data[start:stop].
 

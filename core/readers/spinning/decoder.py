@@ -93,14 +93,14 @@ def _decode(  # type: ignore[no-untyped-def]
     sin_ahead = np.empty(lasers_n)
     counts = np.empty(3, np.int64)
     bright = np.empty(3, np.uint8)
+    tabled_rate = -1.0
     n = 0
     cuts = 0
     for p in range(len(offset)):
         base = offset[p] + header
         echoes = np.int64(returns_of[p])
-        table = packet_table[echoes - 1]
-        blocks = table[0]
-        size = table[1]
+        blocks = packet_table[echoes - 1, 0]
+        size = packet_table[echoes - 1, 1]
         start_s = t_s[p] + first_firing_s[echoes - 1]
 
         turned = np.int64(0)
@@ -126,12 +126,13 @@ def _decode(  # type: ignore[no-untyped-def]
         state[TURNING] += steps * group_s
         hidden = steps == blocks - 2  # one leap, between the edges of the sector that the sensor reports
         hidden_s = 0.0
-        for i in range(lasers_n):
+        for i in range(lasers_n if rate != tabled_rate else 0):
             ahead = lasers[i, 1] + rate * lasers[i, 0] * to_rad
             cos_ahead[i] = np.cos(ahead) * lasers[i, 2]
             sin_ahead[i] = np.sin(ahead) * lasers[i, 2]
             # in columns, of lasers that look aside; of steps of 0.01 degrees at least
             shift[i] = np.int64(np.rint((lasers[i, 1] - least) / (max(rate * cycle_s, 1.0) * to_rad)))
+        tabled_rate = rate
         turn_s = 36_000.0 / rate if rate > 0.0 else 0.1
         at = base + azimuth_at
         before = (np.int64(data[at]) | np.int64(data[at + 1]) << 8) % 36_000
@@ -171,23 +172,23 @@ def _decode(  # type: ignore[no-untyped-def]
                 col = np.int64(state[_COLUMN])
                 from_ = at + f * lasers_n * unit
                 for i in range(lasers_n):
-                    slot = from_ + table[2 + i]
+                    # Unsigned, as the sign of other indices is looked at each time.
+                    slot = np.uint64(from_ + packet_table[echoes - 1, 2 + i])
                     found = 0
                     for _ in range(echoes):
-                        count = np.int64(data[slot]) | np.int64(data[slot + 1]) << 8
-                        value = data[slot + 2]
-                        slot += block_bytes
+                        count = np.int64(data[slot]) | np.int64(data[slot + np.uint64(1)]) << 8
+                        value = data[slot + np.uint64(2)]
+                        slot += np.uint64(block_bytes)
                         if count == 0:
                             continue
                         k = found  # by distance; of equal ones the last
                         while k > 0 and counts[k - 1] > count:
+                            counts[k] = counts[k - 1]
+                            bright[k] = bright[k - 1]
                             k -= 1
                         if k > 0 and counts[k - 1] == count:
                             bright[k - 1] = value
                             continue
-                        for j in range(found, k, -1):
-                            counts[j] = counts[j - 1]
-                            bright[j] = bright[j - 1]
                         counts[k] = count
                         bright[k] = value
                         found += 1
@@ -196,16 +197,16 @@ def _decode(  # type: ignore[no-untyped-def]
                     ux = cos_a * cos_ahead[i] - sin_a * sin_ahead[i]
                     uy = -(sin_a * cos_ahead[i] + cos_a * sin_ahead[i])
                     for k in range(found):
-                        range_m = counts[k] * resolution_m
-                        t_out[n] = fired_s + lasers[i, 0]
-                        xyz[n, 0] = range_m * ux
-                        xyz[n, 1] = range_m * uy
-                        xyz[n, 2] = range_m * lasers[i, 3] + lasers[i, 4]
-                        intensity[n] = bright[k]
-                        laser[n] = order[i]
-                        column[n] = min(col + shift[i], 65_535)
-                        return_number[n] = k + 1
-                        returns[n] = found
+                        m, range_m = np.uint64(n), counts[k] * resolution_m
+                        t_out[m] = fired_s + lasers[i, 0]
+                        xyz[m, 0] = range_m * ux
+                        xyz[m, 1] = range_m * uy
+                        xyz[m, 2] = range_m * lasers[i, 3] + lasers[i, 4]
+                        intensity[m] = bright[k]
+                        laser[m] = order[i]
+                        column[m] = min(col + shift[i], 65_535)
+                        return_number[m] = k + 1
+                        returns[m] = found
                         n += 1
     return n, cuts
 
