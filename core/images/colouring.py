@@ -15,7 +15,7 @@ from furrowmap.core.readers.exif import read_pixels
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel, kernel_part
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.grid import Grid
@@ -208,26 +208,26 @@ class Colours:
         )
 
 
-@kernel(inline="always")
-def cell_of(xyz, corner, cell_m, columns, cells):  # type: ignore[no-untyped-def]
-    """Number of the index's cell of a point; points beyond are in the outermost cells."""
+@kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
+def cell_of(east, north, corner, cell_m, columns, cells):  # type: ignore[no-untyped-def]
+    """Number of the index's cell of a place; places beyond are in the outermost cells."""
     rows = cells // columns
-    row = min(max(int((xyz[1] - corner[1]) / cell_m), 0), rows - 1)
-    column = min(max(int((xyz[0] - corner[0]) / cell_m), 0), columns - 1)
+    row = min(max(int((north - corner[1]) / cell_m), 0), rows - 1)
+    column = min(max(int((east - corner[0]) / cell_m), 0), columns - 1)
     return row * columns + column
 
 
-@kernel(inline="always")
-def direction(xyz, centre, matrix, k):  # type: ignore[no-untyped-def]
+@kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
+def direction(east, north, up, centre, matrix, k):  # type: ignore[no-untyped-def]
     """Tangents x / z and y / z, and depth z, of a point in the optical frame."""
-    dx, dy, dz = xyz[0] - centre[k, 0], xyz[1] - centre[k, 1], xyz[2] - centre[k, 2]
+    dx, dy, dz = east - centre[k, 0], north - centre[k, 1], up - centre[k, 2]
     z = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
     x = matrix[k, 0, 0] * dx + matrix[k, 0, 1] * dy + matrix[k, 0, 2] * dz
     y = matrix[k, 1, 0] * dx + matrix[k, 1, 1] * dy + matrix[k, 1, 2] * dz
     return x / z, y / z, z
 
 
-@kernel(inline="always")
+@kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
 def is_seen(u, v, z, size, depth, slack, cell_px, k):  # type: ignore[no-untyped-def]
     """Whether a pixel is inside the image and nothing lies before the depth z."""
     if not (BORDER_PX <= u <= size[0] - 1.0 - BORDER_PX and BORDER_PX <= v <= size[1] - 1.0 - BORDER_PX):
@@ -236,7 +236,7 @@ def is_seen(u, v, z, size, depth, slack, cell_px, k):  # type: ignore[no-untyped
     return z <= nearest + SLACK_M + slack[k] * nearest
 
 
-@kernel(inline="always")
+@kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
 def level(rgb, k, u, v, reduction, channel):  # type: ignore[no-untyped-def]
     """The grey level (0 to 255) of a channel at a pixel of the unreduced image, bilinear."""
     at_u = min(max((u - 0.5 * (reduction - 1)) / reduction, 0.0), rgb.shape[2] - 1.001)
@@ -248,7 +248,7 @@ def level(rgb, k, u, v, reduction, channel):  # type: ignore[no-untyped-def]
     return (1.0 - down) * above + down * below
 
 
-@kernel(inline="always")
+@kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
 def darkening(u, v, size, vignetting):  # type: ignore[no-untyped-def]
     """Logarithm of the vignetting at a pixel."""
     du, dv = u - 0.5 * (size[0] - 1.0), v - 0.5 * (size[1] - 1.0)
@@ -263,13 +263,13 @@ def best_colours(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Kernel of :meth:`Colours.of_points`."""
     for i in range(len(xyz)):
-        cell = cell_of(xyz[i], corner, cell_m, columns, len(start) - 1)
+        cell = cell_of(xyz[i, 0], xyz[i, 1], corner, cell_m, columns, len(start) - 1)
         best, best_k, best_u, best_v = np.inf, NO_FRAME, 0.0, 0.0
         for at in range(start[cell], start[cell + 1]):
             k = listed[at]
             if not usable[k]:
                 continue
-            x, y, z = direction(xyz[i], centre, matrix, k)
+            x, y, z = direction(xyz[i, 0], xyz[i, 1], xyz[i, 2], centre, matrix, k)
             square = x * x + y * y
             if not (z > MIN_DISTANCE_M and square <= widest * widest):
                 continue
@@ -298,15 +298,14 @@ def blended_colours(  # type: ignore[no-untyped-def]
 
     `out` begins in a cell of `height`, at the easting, northing of `place`, which also has the zero of the heights.
     """
-    xyz, middle = np.zeros(3), 0.5 * (pixels_across - 1.0)
+    middle = 0.5 * (pixels_across - 1.0)
     rise, sums = np.empty((pixels_across, pixels_across)), np.empty((pixels_across, pixels_across, 4))
     for row in range(out.shape[1] // pixels_across):
         for column in range(out.shape[2] // pixels_across):
             own = height[begin[0] + row, begin[1] + column]
             e_m = place[0] + (column + 0.5) * pixels_across * pixel_m
             n_m = place[1] - (row + 0.5) * pixels_across * pixel_m
-            xyz[0], xyz[1] = e_m, n_m
-            cell = cell_of(xyz, corner, cell_m, columns, len(start) - 1)
+            cell = cell_of(e_m, n_m, corner, cell_m, columns, len(start) - 1)
             if not np.isfinite(own) or start[cell] == start[cell + 1]:
                 continue
             rise_within(height, begin[0] + row, begin[1] + column, rise)
@@ -315,8 +314,7 @@ def blended_colours(  # type: ignore[no-untyped-def]
                 k = listed[at]
                 if not usable[k]:
                     continue
-                xyz[0], xyz[1], xyz[2] = e_m, n_m, own + place[2]
-                x, y, z = direction(xyz, centre, matrix, k)
+                x, y, z = direction(e_m, n_m, own + place[2], centre, matrix, k)
                 square = x * x + y * y
                 if not (z > MIN_DISTANCE_M and square <= widest * widest):
                     continue
@@ -329,9 +327,9 @@ def blended_colours(  # type: ignore[no-untyped-def]
                 bright = weight * np.exp(-darkening(u, v, size, vignetting))
                 for a in range(pixels_across):
                     for b in range(pixels_across):
-                        xyz[0], xyz[1] = e_m + (b - middle) * pixel_m, n_m + (middle - a) * pixel_m
-                        xyz[2] = own + place[2] + rise[a, b]
-                        at_x, at_y, at_z = direction(xyz, centre, matrix, k)
+                        at_e, at_n = e_m + (b - middle) * pixel_m, n_m + (middle - a) * pixel_m
+                        up = own + place[2] + rise[a, b]
+                        at_x, at_y, at_z = direction(at_e, at_n, up, centre, matrix, k)
                         at_u, at_v = pixel_of(intrinsics, at_x, at_y)
                         if not is_seen(at_u, at_v, at_z, size, depth, slack, cell_px, k):
                             continue
@@ -348,7 +346,7 @@ def blended_colours(  # type: ignore[no-untyped-def]
                             out[channel, i, j] = np.uint8(min(sums[a, b, channel] / sums[a, b, 3], 255.0) + 0.5)
 
 
-@kernel()
+@kernel_part()
 def rise_within(height, row, column, out):  # type: ignore[no-untyped-def]
     """Heights of the pixels (n, n) of a cell above its own, linear between the middles of known cells."""
     n = len(out)
@@ -379,12 +377,12 @@ def observations(  # type: ignore[no-untyped-def]
     at_px, levels = np.empty((most, 2)), np.empty((most, 3))
     count = 0
     for i in range(len(xyz)):
-        cell = cell_of(xyz[i], corner, cell_m, columns, len(start) - 1)
+        cell = cell_of(xyz[i, 0], xyz[i, 1], corner, cell_m, columns, len(start) - 1)
         for at in range(start[cell], start[cell + 1]):
             k = listed[at]
             if not usable[k] or count == most:
                 continue
-            x, y, z = direction(xyz[i], centre, matrix, k)
+            x, y, z = direction(xyz[i, 0], xyz[i, 1], xyz[i, 2], centre, matrix, k)
             if not (z > MIN_DISTANCE_M and x * x + y * y <= widest * widest):
                 continue
             u, v = pixel_of(intrinsics, x, y)

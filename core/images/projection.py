@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel, kernel_part
 from furrowmap.core.values.camera import Camera
 
 UNDISTORT_ITERATIONS: Final = 20
@@ -41,7 +41,7 @@ def inside(camera: Camera, pixels: FloatArray, margin_px: float = 0.0) -> NDArra
     return out
 
 
-@kernel(fastmath={"contract"})
+@kernel_part(fastmath={"contract"})
 def pixel_of(intrinsics, x, y):  # type: ignore[no-untyped-def]
     """Column and row of the direction (x, y, 1)."""
     square = x * x + y * y
