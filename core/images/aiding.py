@@ -1,5 +1,6 @@
 """A trajectory aided by the images of a camera: features, ties, control points, adjustment, and whether to trust it."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -19,7 +20,7 @@ from furrowmap.core.images.block_adjustment import (
     triangulate,
 )
 from furrowmap.core.images.control_points import ControlPoints, control_views, join_views
-from furrowmap.core.images.features import find_features
+from furrowmap.core.images.features import ImageFeatures, find_features, match_features
 from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.images.projection import inside, unproject
 from furrowmap.core.images.ties import Ties, overlapping, seen_in, thin_ties, tracks
@@ -30,7 +31,7 @@ from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.images import CONTRADICTING, Images
+from furrowmap.core.values.images import CONTRADICTING, ImageFile, Images
 from furrowmap.core.values.trajectory import Trajectory
 
 MIN_IMAGES: Final = 3
@@ -154,6 +155,7 @@ def aid_by_images(
     control: ControlPoints | None,
     notices: list[Notice],
     progress: Progress,
+    features: Mapping[ImageFile, ImageFeatures] | None = None,
 ) -> tuple[Located, ImageAid | None]:
     """The trajectory adjusted by images; as it was, with a notice that says why, where they do not serve.
 
@@ -162,18 +164,21 @@ def aid_by_images(
         scale: metres of the map for a metre on the ground.
         control: surveyed points; None without.
         notices: what goes wrong is added.
+        features: of the images where they are known already; other images are left out.
     """
     if located.pose_errors is None:
         notices.append(unused("only a trajectory by GNSS and an IMU says how the errors of its poses go together"))
         return located, None
-    images = _usable(images, camera, located.trajectory, notices)
+    images = _usable(images, features, camera, located.trajectory, notices)
     if len(images) < MIN_IMAGES:
         notices.append(unused(f"there are {len(images)} that can be read and have a pose"))
         return located, None
     exposed_s = images.t_s + camera.shutter_delay_s
     block = ImageBlock(located.trajectory, located.pose_errors(exposed_s), camera, images.t_s, scale)
     try:
-        ties = _ties(block, images, progress)
+        if features is None:
+            features = find_features(images.paths, progress)
+        ties = _ties(block, [features[path] for path in images.paths], progress)
         if isinstance(ties, Notice):
             notices.append(ties)
             return located, None
@@ -230,12 +235,20 @@ def camera_notices(adjusted: AdjustedBlock, stated: Camera) -> list[Notice]:
     return found
 
 
-def _usable(images: Images, camera: Camera, trajectory: Trajectory, notices: list[Notice]) -> Images:
+def _usable(
+    images: Images,
+    features: Mapping[ImageFile, ImageFeatures] | None,
+    camera: Camera,
+    trajectory: Trajectory,
+    notices: list[Notice],
+) -> Images:
     """The images that can be read, have the camera's size and were taken within the trajectory."""
     begin_s, end_s = trajectory.span_s
     exposed_s = images.t_s + camera.shutter_delay_s
     posed = np.isfinite(frame_poses(trajectory, camera, images.t_s).xyz_m[:, 0])
     posed &= (exposed_s > begin_s + END_MARGIN_S) & (exposed_s < end_s - END_MARGIN_S)
+    if features is not None:
+        posed &= np.array([path in features for path in images.paths], np.bool_)
     # Two of one time would be two poses at one place.
     posed &= np.diff(images.t_s, prepend=-np.inf) > 0.0
     fits = np.zeros(len(images), np.bool_)
@@ -253,18 +266,16 @@ def _usable(images: Images, camera: Camera, trajectory: Trajectory, notices: lis
                 first=first,
             )
         )
-    chosen = np.flatnonzero(fits)
-    return Images(tuple(images.paths[k] for k in chosen.tolist()), images.t_s[chosen], images.lon_lat_h[chosen])
+    return images.chosen(np.flatnonzero(fits))
 
 
-def _ties(block: ImageBlock, images: Images, progress: Progress) -> Ties | Notice:
+def _ties(block: ImageBlock, features: Sequence[ImageFeatures], progress: Progress) -> Ties | Notice:
     """Ties of the images, spread evenly over them; why there are none."""
     poses = frame_poses(block.trajectory, block.camera, block.t_s, block.scale)
     size = block.camera.width, block.camera.height
-    features = find_features(images.paths, progress)
-    keypoints = dict(enumerate(features.places))
-    following = [(k, k + 1) for k in range(len(images) - 1)]
-    matches = features.match(following, progress)
+    keypoints = {k: own.places for k, own in enumerate(features)}
+    following = [(k, k + 1) for k in range(len(features) - 1)]
+    matches = match_features(features, following, progress)
     first = _well_met(block, tracks(keypoints, matches))
     if first.points < MIN_TIE_POINTS:
         return unused(f"images that follow each other have {first.points} points in common")
@@ -278,13 +289,13 @@ def _ties(block: ImageBlock, images: Images, progress: Progress) -> Ties | Notic
         return contradicting("the points that they have in common are behind the camera. Check [camera] rpy_deg")
     depth_m = float(np.median(ahead))
     margin_px = MATCHING_MARGIN * max(size)
-    points_m = [depth_m * unproject(block.camera, places[:, :2]) for places in features.places]
+    points_m = [depth_m * unproject(block.camera, own.places[:, :2]) for own in features]
 
     def shared(own: int, other: int) -> NDArray[np.bool_]:
         return inside(block.camera, seen_in(poses, block.camera, own, other, points_m[own]), margin_px)
 
     near = overlapping(poses, block.camera, depth_m)
-    matches |= features.match(sorted(set(near) - set(following)), progress, shared)
+    matches |= match_features(features, sorted(set(near) - set(following)), progress, shared)
     ties = thin_ties(_well_met(block, tracks(keypoints, matches)), size)
     if ties.points < MIN_TIE_POINTS:
         return unused(f"they have {ties.points} points in common")

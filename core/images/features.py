@@ -41,73 +41,82 @@ OF_SCALE: Final = 0.06
 
 
 @dataclass(frozen=True)
-class Features:
-    """Places (k, 3) of each image: column, row, sigma of both; SIFT's descriptors (n, MAX_IMAGE_FEATURES, 128)."""
+class ImageFeatures:
+    """Places (k, 3) of an image: column, row, sigma of both; SIFT's descriptors (k, 128)."""
 
-    places: tuple[FloatArray, ...]
+    places: FloatArray
     descriptors: NDArray[np.uint8]
 
-    def match(self, pairs: Sequence[Pair], progress: Progress, shared: Shared | None = None) -> dict[Pair, IntArray]:
-        """Numbers (m, 2) of the features that match, by pair of images; reports the stage "matching images".
-
-        Args:
-            shared: which features (k,) of an image another one shows, by the numbers of both images; None for all.
-        """
-        found = {}
-        with ThreadPoolExecutor(threads()) as pool:
-            for k, matches in enumerate(in_turn(pool, lambda pair: self._matches(*pair, shared), pairs, 2 * threads())):
-                if len(matches) >= MIN_MATCHES:
-                    found[pairs[k]] = matches
-                progress("matching images", (k + 1) / len(pairs))
-        return found
-
-    def _matches(self, a: int, b: int, shared: Shared | None) -> IntArray:
-        import cv2
-
-        of_a, of_b = (
-            np.arange(len(self.places[own])) if shared is None else np.flatnonzero(shared(own, other))
-            for own, other in ((a, b), (b, a))
-        )
-        alike = self._roots(a)[of_a] @ self._roots(b)[of_b].T
-        if min(alike.shape) < MIN_MATCHES:
-            return np.zeros((0, 2), np.int64)
-        # Of descriptors of length 1 the square of the distance is 2 − 2 times their product.
-        rows, best, most = np.arange(len(alike)), alike.argmax(axis=1), alike.max(axis=0)
-        product = alike[rows, best]
-        alike[rows, best] = -1.0
-        clear = 1.0 - product < MAX_RATIO**2 * (1.0 - alike.max(axis=1))
-        chosen = np.flatnonzero(clear & (product == most[best]))
-        out = np.column_stack([of_a[chosen], of_b[best[chosen]]]).astype(np.int64)
-        if len(out) < MIN_MATCHES:
-            return out
-        first, second = self.places[a][out[:, 0], :2], self.places[b][out[:, 1], :2]
-        try:
-            _, fits = cv2.findFundamentalMat(first, second, cv2.USAC_FAST, MAX_EPIPOLAR_PX, 0.999, 2000)
-        except cv2.error:  # where no sample of the matches gives a geometry
-            return out[:0]
-        return out[:0] if fits is None else out[np.asarray(fits).ravel() > 0]
-
-    def _roots(self, k: int) -> NDArray[np.float32]:
-        """Square roots (k, DESCRIPTOR) of an image's descriptors, of length 1."""
-        own = self.descriptors[k, : len(self.places[k])].astype(np.float32)
+    def roots(self) -> NDArray[np.float32]:
+        """Square roots (k, DESCRIPTOR) of the descriptors, of length 1."""
+        own = self.descriptors.astype(np.float32)
         out: NDArray[np.float32] = np.sqrt(own / np.maximum(own.sum(axis=1, keepdims=True), 1.0))
         return out
 
 
-def find_features(paths: Sequence[ImageFile], progress: Progress) -> Features:
+def match_features(
+    features: Sequence[ImageFeatures], pairs: Sequence[Pair], progress: Progress, shared: Shared | None = None
+) -> dict[Pair, IntArray]:
+    """Numbers (m, 2) of the features that match, by pair of images; reports the stage "matching images".
+
+    Args:
+        shared: which features (k,) of an image another one shows, by the numbers of both images; None for all.
+    """
+
+    def matches(pair: Pair) -> IntArray:
+        of_a, of_b = (
+            np.arange(len(features[own].places)) if shared is None else np.flatnonzero(shared(own, other))
+            for own, other in (pair, pair[::-1])
+        )
+        return _matches(features[pair[0]], features[pair[1]], of_a, of_b)
+
+    found = {}
+    with ThreadPoolExecutor(threads()) as pool:
+        for k, own in enumerate(in_turn(pool, matches, pairs, 2 * threads())):
+            if len(own) >= MIN_MATCHES:
+                found[pairs[k]] = own
+            progress("matching images", (k + 1) / len(pairs))
+    return found
+
+
+def find_features(paths: Sequence[ImageFile], progress: Progress) -> dict[ImageFile, ImageFeatures]:
     """The features of all images, none of one that cannot be read; reports the stage "finding features"."""
     import cv2
 
     # Each thread has an image of its own.
     cv2.setNumThreads(1)
-    places = []
+    found = {}
     descriptors = arrays.zeros((len(paths), MAX_IMAGE_FEATURES, DESCRIPTOR), np.uint8)
     with ThreadPoolExecutor(threads()) as pool:
-        for k, (place, own) in enumerate(in_turn(pool, _found, paths, 2 * threads())):
-            places.append(place)
+        for k, (places, own) in enumerate(in_turn(pool, _found, paths, 2 * threads())):
             descriptors[k, : len(own)] = own
+            found[paths[k]] = ImageFeatures(places, descriptors[k, : len(own)])
             progress("finding features", (k + 1) / len(paths))
-    return Features(tuple(places), descriptors)
+    return found
+
+
+def _matches(a: ImageFeatures, b: ImageFeatures, of_a: IntArray, of_b: IntArray) -> IntArray:
+    """Numbers (m, 2) of the features that match, among those of each image (k,) that are compared."""
+    import cv2
+
+    alike = a.roots()[of_a] @ b.roots()[of_b].T
+    if min(alike.shape) < MIN_MATCHES:
+        return np.zeros((0, 2), np.int64)
+    # Of descriptors of length 1 the square of the distance is 2 − 2 times their product.
+    rows, best, most = np.arange(len(alike)), alike.argmax(axis=1), alike.max(axis=0)
+    product = alike[rows, best]
+    alike[rows, best] = -1.0
+    clear = 1.0 - product < MAX_RATIO**2 * (1.0 - alike.max(axis=1))
+    chosen = np.flatnonzero(clear & (product == most[best]))
+    out = np.column_stack([of_a[chosen], of_b[best[chosen]]]).astype(np.int64)
+    if len(out) < MIN_MATCHES:
+        return out
+    first, second = a.places[out[:, 0], :2], b.places[out[:, 1], :2]
+    try:
+        _, fits = cv2.findFundamentalMat(first, second, cv2.USAC_FAST, MAX_EPIPOLAR_PX, 0.999, 2000)
+    except cv2.error:  # where no sample of the matches gives a geometry
+        return out[:0]
+    return out[:0] if fits is None else out[np.asarray(fits).ravel() > 0]
 
 
 def _found(path: ImageFile) -> tuple[FloatArray, NDArray[np.uint8]]:

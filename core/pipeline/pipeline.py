@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
@@ -44,7 +44,7 @@ from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar, middle_s
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
-from furrowmap.core.values.images import CONTRADICTING
+from furrowmap.core.values.images import CONTRADICTING, ImageFile
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import ClockReading, Scan
 from furrowmap.core.values.session import Session
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from furrowmap.core.adjustment.matched import Matched
     from furrowmap.core.adjustment.session_match import MatchedSession
     from furrowmap.core.images.aiding import ImageAid
+    from furrowmap.core.images.features import ImageFeatures
     from furrowmap.core.images.frames import Frames
 
 IMU_CLOCK_STEP_S: Final = 1e-4
@@ -126,11 +127,8 @@ def run(
     if not session.recording.lidar:
         return _run_without_scans(opened, progress)
     positions = opened.positions()
-    guess, survey = _first_guess(opened, positions, progress)
-    watch.lap("positions")
     image_notices: list[Notice] = []
-    guess, aid = _aid_by_images(opened, guess, image_notices, progress)
-    watch.lap("images")
+    guess, aid, survey = _first_guess(opened, positions, image_notices, watch, progress)
     boundary, field_notices = _read_boundary(opened, guess.trajectory)
     states, state_notices = _read_external_states(opened, guess.trajectory)
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
@@ -209,15 +207,19 @@ def _place(
 
 
 def _aid_by_images(
-    opened: OpenSession, located: Located, notices: list[Notice], progress: Progress
+    opened: OpenSession,
+    located: Located,
+    notices: list[Notice],
+    progress: Progress,
+    features: Mapping[ImageFile, ImageFeatures] | None = None,
 ) -> tuple[Located, ImageAid | None]:
-    """The trajectory aided by the images of the session's camera, where it has one."""
+    """The trajectory aided by the images of the session's camera, where it has one; `features` as they were found."""
     camera = opened.session.camera
     if camera is None or not camera.is_known:
         return located, None
     from furrowmap.core.pipeline.session_aid import aid_session
 
-    return aid_session(opened, located, ground_scale(opened.frame, located.trajectory), notices, progress)
+    return aid_session(opened, located, ground_scale(opened.frame, located.trajectory), notices, progress, features)
 
 
 def _camera_frames(
@@ -294,18 +296,42 @@ class _FlightScans:
     implement: ImplementTracker
 
 
-def _first_guess(opened: OpenSession, positions: Reader, progress: Progress) -> tuple[Located, _FlightScans | None]:
-    """The trajectory before any matching; beside it, the scans of a flight with an IMU are read."""
+def _first_guess(
+    opened: OpenSession, positions: Reader, notices: list[Notice], watch: _StopWatch, progress: Progress
+) -> tuple[Located, ImageAid | None, _FlightScans | None]:
+    """The trajectory before scans are matched, aided by images; beside it, the scans of a flight with an IMU are read.
+
+    Notices about the images are added.
+    """
     session = opened.session
 
     def guess() -> Located:
-        return locate(positions, session, opened.frame, companions(opened))
+        located = locate(positions, session, opened.frame, companions(opened))
+        watch.lap("positions")
+        return located
+
+    def aided(
+        located: Located, features: Mapping[ImageFile, ImageFeatures] | None = None
+    ) -> tuple[Located, ImageAid | None]:
+        found = _aid_by_images(opened, located, notices, progress, features)
+        watch.lap("images")
+        return found
 
     if session.imu is None or session.implement is not None or session.trajectory is not None:
-        return guess(), None
-    with beside(partial(_read_survey, opened), progress) as survey:
+        return *aided(guess()), None
+    survey = partial(_read_survey, opened)
+    if session.camera is None or not session.camera.aid:
+        with beside(survey, progress) as scans:
+            found = aided(guess())
+        return *found, scans.result()
+    from furrowmap.core.pipeline.session_aid import features_ahead
+
+    # Features take all cores beside the trajectory; the adjustment of the images leaves them to the scans.
+    with beside(partial(features_ahead, opened), progress) as features:
         located = guess()
-    return located, survey.result()
+    with beside(survey, progress) as scans:
+        found = aided(located, features.result())
+    return *found, scans.result()
 
 
 def _read_survey(opened: OpenSession, progress: Progress) -> _FlightScans:

@@ -1,5 +1,6 @@
 """A session's images as an aid of its trajectory."""
 
+from collections.abc import Mapping
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -9,25 +10,51 @@ import numpy as np
 
 from furrowmap.core.images.aiding import ImageAid, aid_by_images, unused
 from furrowmap.core.images.control_points import ControlPoints
+from furrowmap.core.images.features import ImageFeatures, find_features
+from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import Located
+from furrowmap.core.values.images import ImageFile
+from furrowmap.core.values.time_span import track_within
 
 EXTRA: Final = ("cv2", "PIL")
 _COLUMNS: Final = ("file", "name", "u", "v")
 
 
+def features_ahead(opened: OpenSession, progress: Progress) -> dict[ImageFile, ImageFeatures]:
+    """The features of the images taken while there are positions, before the trajectory is known; none if unwanted.
+
+    Raises:
+        InputError: if a table of images cannot be read.
+    """
+    source, positions = opened.session.camera, opened.positions()
+    if source is None or not (source.aid and source.is_known and all(map(find_spec, EXTRA))):
+        return {}
+    assert isinstance(positions, GivesTrack)
+    track, images = track_within(positions.track(), opened.session.recording.span_s), opened.images([])
+    before = np.searchsorted(track.t_s, images.t_s + opened.camera().shutter_delay_s)
+    during = np.flatnonzero((before > 0) & (before < len(track)))
+    return find_features(images.chosen(during).paths, progress)
+
+
 def aid_session(
-    opened: OpenSession, located: Located, scale: float, notices: list[Notice], progress: Progress
+    opened: OpenSession,
+    located: Located,
+    scale: float,
+    notices: list[Notice],
+    progress: Progress,
+    features: Mapping[ImageFile, ImageFeatures] | None = None,
 ) -> tuple[Located, ImageAid | None]:
     """The trajectory of a session aided by the images that it names; as it was where they do not serve.
 
     Args:
         scale: metres of the map for a metre on the ground.
         notices: why images do not serve is added.
+        features: of the images, where they were found ahead.
 
     Raises:
         InputError: if a table of images or control points cannot be read.
@@ -44,7 +71,8 @@ def aid_session(
         points = read_points(inputs.control_points, opened.frame.whole_crs)
         seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name)
         control = ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
-    return aid_by_images(located, opened.images(notices), opened.camera(), scale, control, notices, progress)
+    images, camera = opened.images(notices), opened.camera()
+    return aid_by_images(located, images, camera, scale, control, notices, progress, features)
 
 
 def read_pixels(path: Path, names: tuple[str, ...]) -> tuple[tuple[str, int, float, float], ...]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
 
@@ -66,6 +67,10 @@ class Images:
         place = np.full((len(paths), 3), np.nan) if lon_lat_h is None else lon_lat_h.reshape(-1, 3)
         order = np.argsort(t_s, kind="stable")
         return cls(tuple(paths[k] for k in order), t_s[order], place[order])
+
+    def chosen(self, which: NDArray[np.intp]) -> "Images":
+        """Those of some numbers (k,), which increase."""
+        return Images(tuple(self.paths[k] for k in which.tolist()), self.t_s[which], self.lon_lat_h[which])
 
     def earlier_by(self, seconds: float) -> "Images":
         """The images with earlier times."""
