@@ -28,6 +28,8 @@ from furrowmap.exporters.cloud.octree import Key
 from furrowmap.exporters.cloud.points import Extent
 from furrowmap.exporters.cloud.records import Chosen, select_columns
 
+PLAIN, COLOURED = 6, 7
+"""Point formats of LAS."""
 MAX_COMING: Final = 64
 """Maximum number of nodes in compression; each waits with a few bytes a point."""
 TABLE_OFFSET: Final = struct.Struct("<q")
@@ -74,7 +76,7 @@ def las_header(kind: CopcFormat) -> laspy.LasHeader:
     The info record comes first, as COPC requires. The CRS is in an ordinary record at the beginning: QGIS does not
     read it from extended records at the end.
     """
-    header = laspy.LasHeader(version="1.4", point_format=7 if kind.colour else 6)
+    header = laspy.LasHeader(version="1.4", point_format=COLOURED if kind.colour else PLAIN)
     header.add_extra_dims([laspy.ExtraBytesParams(name, dtype, text) for name, dtype, text in kind.extra])
     header.scales, header.offsets = np.full(3, kind.scale_m), np.array(kind.origin_m)
     header.global_encoding.wkt = True
@@ -149,7 +151,7 @@ class CopcFile:
     def put(self, key: Key, parts: Sequence[Chosen]) -> Future[Chunk]:
         """Add a node; a thread reads and compresses its records until the returned future is done."""
         self._keys.append(key)
-        chunk = self._threads.submit(_compress_node, parts, self._complete)
+        chunk = self._threads.submit(_compress_node, parts, self._complete, self._header.point_format.id == COLOURED)
         self._coming.append(chunk)
         while self._coming and (len(self._coming) > MAX_COMING or self._coming[0].done()):
             self._write_next()
@@ -215,9 +217,9 @@ class CopcFile:
         self._written(self._done)
 
 
-def _compress_node(parts: Sequence[Chosen], complete: Callable[[ChunkColumns], None] | None) -> Chunk:
+def _compress_node(parts: Sequence[Chosen], complete: Callable[[ChunkColumns], None] | None, coloured: bool) -> Chunk:
     """Complete and compress the points of a node."""
-    columns = select_columns(parts)
+    columns = select_columns(parts, coloured=coloured)
     if complete is not None:
         complete(columns)
     return compress_points(columns), len(columns), np.bincount(columns.classification, minlength=256)

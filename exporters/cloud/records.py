@@ -20,9 +20,10 @@ NUMBER_FIELDS: Final = 8
 COLOUR: Final = ("red", "green", "blue")
 
 
-def held_layout(las: np.dtype[np.void]) -> np.dtype[np.void]:
-    """The layout of records in memory: LAS fields without those that are always 0."""
-    return np.dtype([(name, las[name]) for name in las.names or () if name not in ALWAYS_ZERO])
+def held_layout(las: np.dtype[np.void], *, colours_later: bool = False) -> np.dtype[np.void]:
+    """The layout of records in memory: LAS fields without those that are always 0, or without colours as well."""
+    left_out = (*ALWAYS_ZERO, *COLOUR) if colours_later else ALWAYS_ZERO
+    return np.dtype([(name, las[name]) for name in las.names or () if name not in left_out])
 
 
 @dataclass(frozen=True)
@@ -53,16 +54,16 @@ def gather_records(source: Records, members: NDArray[np.uint32]) -> Records:
     return target
 
 
-def select_columns(parts: Sequence[Chosen]) -> ChunkColumns:
-    """The points of at least one selection, in order."""
+def select_columns(parts: Sequence[Chosen], *, coloured: bool) -> ChunkColumns:
+    """The points of at least one selection, in order; where records hold no colours, `coloured` points get zeros."""
     n = sum(map(len, parts))
     layout = parts[0].records.dtype
     names = layout.names or ()
-    coloured = COLOUR[0] in names
-    extra_bytes = sum(layout[name].itemsize for name in names[NUMBER_FIELDS + len(COLOUR) * coloured :])
+    held = COLOUR[0] in names
+    extra_bytes = sum(layout[name].itemsize for name in names[NUMBER_FIELDS + len(COLOUR) * held :])
     numbers = [np.empty(n, layout[name]) for name in names[:NUMBER_FIELDS]]
     extra = np.empty((extra_bytes, n), np.uint8)
-    rgb = np.empty((3, n), np.uint16) if coloured else None
+    rgb = np.zeros((3, n), np.uint16) if coloured else None
     start = 0
     for part in parts:
         end = start + len(part)
@@ -73,7 +74,7 @@ def select_columns(parts: Sequence[Chosen]) -> ChunkColumns:
             *(column[start:end] for column in numbers),
             extra[:, start:end],
         )
-        if rgb is not None:
+        if rgb is not None and held:
             for column, name in zip(rgb, COLOUR, strict=True):
                 column[start:end] = part.records[name][part.members]
         start = end

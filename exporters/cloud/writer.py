@@ -43,7 +43,8 @@ class CopcWriter:
 
     Points beyond `memory_points` are kept in a temporary file beside `path`; writing takes about 60 bytes of memory for
     each of `memory_points`, regardless of the total. An octree node that has children holds `node_points` points; the
-    same batches and `seed` of the random levels give the same nodes.
+    same batches and `seed` of the random levels give the same nodes. With `colours_later` batches have no colours: what
+    completes the points, see :meth:`close`, gives them theirs.
     """
 
     def __init__(
@@ -54,12 +55,14 @@ class CopcWriter:
         memory_points: int = MEMORY_POINTS,
         node_points: int = NODE_POINTS,
         seed: int = 0,
+        colours_later: bool = False,
     ) -> None:
         if node_points < MIN_NODE_POINTS or memory_points < 1:
             raise ValueError(f"no octree with {node_points} points a node, {memory_points} in memory")
         self._path, self._kind, self._node_points = path, kind, node_points
         self._header = las_header(kind)
-        layout, random = held_layout(self._header.point_format.dtype()), np.random.default_rng(seed)
+        layout = held_layout(self._header.point_format.dtype(), colours_later=colours_later)
+        random = np.random.default_rng(seed)
         self._octree = Octree(layout, memory_points, node_points, path.parent, random)
         self._extent: Extent | None = None
         self._stack = ExitStack()

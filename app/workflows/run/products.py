@@ -74,7 +74,6 @@ SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
 MAX_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
-NO_COLOUR: Final = np.zeros(3, np.uint16)
 
 
 @dataclass(frozen=True)
@@ -318,7 +317,7 @@ def open_cloud(
     if several_scanners:
         extra += (("scanner", "uint8", "scanner, 0 for the first"),)
     kind = CopcFormat(las_wkt(frame.whole_crs), origin_m, SCALE_M, extra, colour=colours is not None)
-    with CopcWriter(path, kind) as writer, ExitStack() as packing:
+    with CopcWriter(path, kind, colours_later=kind.colour) as writer, ExitStack() as packing:
         yield RunCloud(writer, packing, colours, several_scanners=several_scanners)
 
 
@@ -344,7 +343,6 @@ class RunCloud:
                 return_number=scan.return_number,
                 returns=scan.returns,
                 classification=placed.classification,
-                rgb=np.broadcast_to(NO_COLOUR, (len(scan), 3)) if self._colours is not None else None,
                 extra={"scan": placed.number} | ({"scanner": scan.scanner} if self._several else {}),
             )
         )

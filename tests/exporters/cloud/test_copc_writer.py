@@ -29,6 +29,7 @@ from pyproj import CRS
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.exporters.cloud.file import CopcFormat
+from furrowmap.exporters.cloud.layers import ChunkColumns
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import MIN_NODE_POINTS, CopcSummary, CopcWriter, _check
 
@@ -353,6 +354,23 @@ def test_colour__is_kept(tmp_path: Path) -> None:
     want = rows([batch.t_s, *rgb.T])
     got = rows([las_time_to_utc(np.asarray(las.gps_time)), las.red, las.green, las.blue])
     np.testing.assert_allclose(got, want, rtol=0, atol=1e-6)
+
+
+def test_colour_given_later__is_that_of_each_point(tmp_path: Path) -> None:
+    batch = cloud(surface(1_000))
+
+    def paint(points: ChunkColumns) -> None:
+        assert points.rgb is not None
+        assert not points.rgb.any()
+        points.rgb[0], points.rgb[2] = points.intensity, 7
+
+    kind = replace(KIND, colour=True)
+    with CopcWriter(tmp_path / "a.copc.laz", kind, memory_points=300, node_points=64, colours_later=True) as writer:
+        writer.append(batch)
+        writer.close(complete=paint)
+    las = laspy.read(tmp_path / "a.copc.laz")
+    np.testing.assert_array_equal(las.red, las.intensity)
+    assert (set(las.green), set(las.blue), len(set(las.red)) > 1, len(las)) == ({0}, {7}, True, 1_000)
 
 
 def test_no_extra_dimensions__one_value_for_all(tmp_path: Path) -> None:
