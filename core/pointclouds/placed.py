@@ -104,8 +104,8 @@ def place_points(  # type: ignore[no-untyped-def]
             angle = np.sqrt(square)
             a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / square
         else:  # Taylor series of the same, good to 1e-15 here
-            a = 1.0 - square / 6.0 * (1.0 - square / 20.0)
-            b = 0.5 - square / 24.0 * (1.0 - square / 30.0)
+            a = 1.0 - square * (1.0 / 6.0) * (1.0 - square * (1.0 / 20.0))
+            b = 0.5 - square * (1.0 / 24.0) * (1.0 - square * (1.0 / 30.0))
         cx, cy, cz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
         vx += a * cx + b * (wy * cz - wz * cy)
         vy += a * cy + b * (wz * cx - wx * cz)

@@ -23,6 +23,8 @@ _SOIL_M: Final = 0.3
 """Greatest distance of soil from the ground plane."""
 _SOIL_BIN_M: Final = 0.01
 _MIN_SOIL_POINTS: Final = 20
+_EIGHTHS: Final = (0, 1, 3, 2, 7, 6, 4, 5)
+"""Eighths of a turn of columns, by whether y > 0 (4), x < 0 (2) and abs(y) > abs(x) (1): told before an arc tangent."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,8 @@ class ToolHeightTracker:
         self._threshold_m = implement.threshold_m(working_depth_m)
         self._rotation = np.ascontiguousarray(mounting.rotation)
         self._lever_m = np.asarray(mounting.xyz_m, np.float64)
+        columns = region.columns | np.roll(region.columns, 1) | np.roll(region.columns, -1)
+        self._eighths = columns.reshape(8, -1).any(axis=1)[list(_EIGHTHS)]
         self._ground, self._box = np.array(region.ground), np.array(region.box_m)
         self._grid = np.array([grid.x_m, grid.z_m])
         self._views = np.zeros((2, grid.columns, grid.rows), np.float32)
@@ -86,9 +90,9 @@ class ToolHeightTracker:
         region = self._implement.region
         _gather(
             np.ascontiguousarray(scan.xyz_m, np.float32), np.ascontiguousarray(scan.laser, np.uint8),
-            np.ascontiguousarray(scan.t_s, np.float64), self._rotation, self._lever_m, region.columns, region.still_m,
-            region.begin, region.split, region.clockwise, self._ground, self._box, self._grid, self._views, self._soil,
-            self._times,
+            np.ascontiguousarray(scan.t_s, np.float64), self._rotation, self._lever_m, self._eighths, region.columns,
+            region.still_m, region.begin, region.split, region.clockwise, self._ground, self._box, self._grid,
+            self._views, self._soil, self._times,
         )  # fmt: skip
         self._end_turn(whole=goes_on)
 
@@ -149,8 +153,8 @@ def _median(counts: NDArray[np.int64]) -> float:
 
 @kernel()
 def _gather(  # type: ignore[no-untyped-def]
-    xyz_m, laser, t_s, rotation, lever_m, columns, still_m, begin, split, clockwise, ground, box, grid, views, soil,
-    times,
+    xyz_m, laser, t_s, rotation, lever_m, eighths, columns, still_m, begin, split, clockwise, ground, box, grid, views,
+    soil, times,
 ):  # fmt: skip
     """Add the points of a scan to side view and soil of the current revolution (0) and the next (1).
 
@@ -162,10 +166,13 @@ def _gather(  # type: ignore[no-untyped-def]
     turned = (split - begin) % width
     for i in range(len(xyz_m)):
         px, py, pz = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        if not eighths[4 * (py > 0.0) + 2 * (px < 0.0) + (abs(py) > abs(px))]:
+            continue
         column = column_of(px, py)
         if not columns[column]:
             continue
-        part = 0 if ((column - begin) % width < turned) == clockwise else 1
+        since = column - begin if column >= begin else column - begin + width  # a division takes long
+        part = 0 if (since < turned) == clockwise else 1
         times[part, 0, 0] += 1.0
         times[part, 0, 1] += t_s[i]
         x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + lever_m[0]
@@ -183,8 +190,8 @@ def _gather(  # type: ignore[no-untyped-def]
         if laser[i] < lasers:
             distance = np.sqrt(px * px + py * py + pz * pz)
             still = False
-            for step in (-1, 0, 1):
-                still |= abs(still_m[laser[i], (column + step) % width] - distance) < AGREE_M
+            for beside in (column - 1, column, column + 1 if column + 1 < width else 0):  # -1 is the last one
+                still |= abs(still_m[laser[i], beside] - distance) < AGREE_M
             if still:
                 continue
         u = (x - grid[0]) / CELL_X_M
