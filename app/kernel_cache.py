@@ -9,7 +9,6 @@ import hashlib
 import os
 import re
 import sys
-import tempfile
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -57,10 +56,9 @@ def _writable_folder(name: str, module: str) -> Path | None:
     folder = Path(os.environ[CACHE_VARIABLE], f"{name}-{sources_digest(module)[:16]}")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
     except OSError:
         return None
-    return folder
+    return folder if os.access(folder, os.W_OK) else None
 
 
 @cache
@@ -69,12 +67,21 @@ def sources_digest(module: str) -> str:
     found = {module: source_text(module)}
     waiting = [module]
     while waiting:
-        for package, names in _IMPORT.findall(found[waiting.pop()]):
-            for name in (package, *(f"{package}.{name}" for name in re.findall(r"\w+", names))):
-                if name not in found and getattr(sys.modules.get(name), "__file__", None):
-                    found[name] = source_text(name)
-                    waiting.append(name)
+        for name in _imported(waiting.pop()):
+            if name not in found and getattr(sys.modules.get(name), "__file__", None):
+                found[name] = source_text(name)
+                waiting.append(name)
     return hashlib.sha1("\0".join(found[name] for name in sorted(found)).encode(), usedforsecurity=False).hexdigest()
+
+
+@cache
+def _imported(module: str) -> list[str]:
+    """What an imported module imports of furrowmap: modules, and names in them, which may be modules."""
+    return [
+        name
+        for package, names in _IMPORT.findall(source_text(module))
+        for name in (package, *(f"{package}.{name}" for name in re.findall(r"\w+", names)))
+    ]
 
 
 @cache

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from furrowmap.kernel_cache import source_text, sources_digest
-from furrowmap.process import CACHE_VARIABLE, importing, keep_blas_single, keep_kernels
+from furrowmap.process import CACHE_VARIABLE, importing, keep_blas_single, keep_collections_rare, keep_kernels
 
 CODE = """
 import os, sys
@@ -140,6 +140,19 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - faults)
         for how in ("kept", "given back")
     )
     assert kept < 0.2 * given_back
+
+
+def test_garbage_collection__is_rare_and_never_more_frequent_than_the_user_wants() -> None:
+    before = gc.get_threshold()
+    try:
+        gc.set_threshold(700, 10, 10)
+        keep_collections_rare()
+        assert gc.get_threshold()[0] == 20_000
+        gc.set_threshold(50_000)
+        keep_collections_rare()
+        assert gc.get_threshold()[0] == 50_000
+    finally:
+        gc.set_threshold(*before)
 
 
 def test_imports__leave_garbage_collection_as_it_was() -> None:

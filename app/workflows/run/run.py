@@ -110,10 +110,10 @@ def run_opened(
         begin = cache(lambda: pool.submit(_import_products) if early else None)
 
         def report(stage: str, share: float) -> None:
-            begin()  # beside hashing and kernels, which leave the interpreter to these imports
+            begin()  # once packets are read: beside kernels, which leave the interpreter to these imports
             progress(stage, share)
 
-        inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, report)
+        inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
         with ExitStack() as stack:
             parcels = None
             products: list[RunProducts] = []

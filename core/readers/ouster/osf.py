@@ -17,10 +17,7 @@ from typing import Any, BinaryIO, ClassVar, Final, NamedTuple
 from zlib import crc32
 
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
-from rasterio.errors import NotGeoreferencedWarning, RasterioError
-from rasterio.io import MemoryFile
 
 from furrowmap.core.readers.ouster.captures import OusterReader, OusterSensor, PacketSender, chosen_by_source
 from furrowmap.core.readers.ouster.metadata import STAMP, Metadata, settle
@@ -45,7 +42,7 @@ _PNG, _ZPNG = b"\x89PNG", b"\xf8\xfb"
 _ZPNG_HEADER: Final = struct.Struct("<2sHHBB")
 _MAX_PART_BYTES: Final = 1 << 28
 _MAX_RANGE_MM: Final = (1 << 19) - 1
-_OSF_FAULTS: Final = (struct.error, ValueError, IndexError, UnicodeDecodeError, zstd.ZstdError, RasterioError)
+_OSF_FAULTS: Final = (struct.error, ValueError, IndexError, UnicodeDecodeError, zstd.ZstdError)
 """What damaged content raises."""
 
 
@@ -300,12 +297,19 @@ def _image(data: bytes, stream: _Stream) -> NDArray[Any]:
         return _joined([np.cumsum(plane, axis=1, dtype=np.uint8) for plane in planes])
     if not data.startswith(_PNG):
         raise ValueError("an unknown encoding")
-    with rasterio.Env(), warnings.catch_warnings(), MemoryFile(data) as memory:
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with memory.open(driver="PNG") as png:
-            if png.shape != shape or png.count > 4:
-                raise ValueError("an image of another size")
-            image = _joined([*png.read()])
+    import rasterio  # a tenth of a second of each run, whatever it reads: all readers look at a recording
+    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+    from rasterio.io import MemoryFile
+
+    try:
+        with rasterio.Env(), warnings.catch_warnings(), MemoryFile(data) as memory:
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with memory.open(driver="PNG") as png:
+                if png.shape != shape or png.count > 4:
+                    raise ValueError("an image of another size")
+                image = _joined([*png.read()])
+    except RasterioError as error:
+        raise ValueError("a damaged PNG") from error
     return np.asarray(np.take_along_axis(image, (np.arange(shape[1]) + stream.shifts[:, None]) % shape[1], axis=1))
 
 
