@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -143,6 +144,7 @@ def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:
         return crs
 
 
+@lru_cache(maxsize=8)  # PROJ looks through all its codes for 10 ms, for each raster of each session of a batch
 def reported_crs(crs: CRS) -> CRS:
     """The CRS that GDAL reports for a raster in `crs`: the horizontal part of a compound without a code, else `crs`.
 
