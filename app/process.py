@@ -76,8 +76,8 @@ def keep_freed_memory() -> None:
 
 
 def keep_collections_rare() -> None:
-    """Let Python look for cycles once 20,000 objects were made, not 700: a tenth of a second of each start."""
-    gc.set_threshold(max(20_000, gc.get_threshold()[0]))
+    """Let Python look for cycles once 5,000 objects were made, not 700: a tenth of a second of each start."""
+    gc.set_threshold(max(5_000, gc.get_threshold()[0]))
 
 
 @contextmanager

@@ -147,7 +147,7 @@ def test_garbage_collection__is_rare_and_never_more_frequent_than_the_user_wants
     try:
         gc.set_threshold(700, 10, 10)
         keep_collections_rare()
-        assert gc.get_threshold()[0] == 20_000
+        assert gc.get_threshold()[0] == 5_000
         gc.set_threshold(50_000)
         keep_collections_rare()
         assert gc.get_threshold()[0] == 50_000
