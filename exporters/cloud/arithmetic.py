@@ -6,7 +6,7 @@ LiDAR data" (PE&RS 79(2), 2013) fixes constants and the coding of integers; his 
 papers leave open.
 
 A **coder** is a tuple (base, length, at): the interval, and the offset of its next byte in the output; base and length
-are below 2^32. A **table** is an int32 array of models, initially zeros. A **model** of n symbols takes ``2 n + 3``
+are below 2^32. A **table** is a uint16 array of models, initially zeros. A **model** of n symbols takes ``2 n + 3``
 numbers: symbols until the next update (0 in an unused model), symbols between updates, symbols counted; n cumulative
 probabilities in units of 2^-15; n counts.
 
@@ -61,17 +61,28 @@ def carry(out, at):  # type: ignore[no-untyped-def]
 
 
 @inlined()
+def bit_length(value):  # type: ignore[no-untyped-def]
+    """Bit length of a number of 0 or more; LLVM makes one instruction of the loop."""
+    left, bits = np.uint64(value), 0
+    while left:
+        left >>= np.uint64(1)
+        bits += 1
+    return bits
+
+
+@inlined()
 def settled(out, base, length, at):  # type: ignore[no-untyped-def]
     """The coder after its certain bytes have gone to the output."""
     if base >> 32:
         carry(out, at)
         base &= 0xFFFFFFFF
-    # All three bytes are written and `at` moves on by the certain ones: no branches.
+    # All bytes are written, in one instruction, and `at` moves on by the certain ones: no branches.
     out[np.uint64(at)] = base >> 24
     out[np.uint64(at + 1)] = base >> 16
     out[np.uint64(at + 2)] = base >> 8
-    certain = (length < MIN_LENGTH) + (length < MIN_LENGTH >> 8) + (length < MIN_LENGTH >> 16)
-    return (base << (8 * certain)) & 0xFFFFFFFF, length << (8 * certain), at + certain
+    out[np.uint64(at + 3)] = base
+    certain = (32 - bit_length(length)) & 24
+    return (base << certain) & 0xFFFFFFFF, length << certain, at + (certain >> 3)
 
 
 @inlined()
@@ -93,10 +104,10 @@ def encode(out, coder, table, model, symbols, symbol):  # type: ignore[no-untype
     k = model + HEAD + symbol
     table[np.uint64(k + symbols)] += 1
     share = length >> LENGTH_BITS
-    low = table[np.uint64(k)] * share
+    low = np.int64(table[np.uint64(k)])
     # The last symbol takes the rounding remainder.
-    top = length if symbol == symbols - 1 else table[np.uint64(k + 1)] * share
-    return settled(out, base + low, top - low, at)
+    length = length - low * share if symbol == symbols - 1 else (table[np.uint64(k + 1)] - low) * share
+    return settled(out, base + low * share, length, at)
 
 
 @kernel()
@@ -107,7 +118,7 @@ def refresh(table, model, symbols):  # type: ignore[no-untyped-def]
     if new:
         table[counts : counts + symbols] = 1
         table[model + 1], table[model + 2] = symbols, 0
-    total = table[model + 2] + table[model + 1]
+    total = np.int64(table[model + 2]) + table[model + 1]
     if total > 1 << LENGTH_BITS:
         total = 0
         for k in range(counts, counts + symbols):
@@ -141,7 +152,7 @@ def refresh_bit(table, model):  # type: ignore[no-untyped-def]
         cycle, bits, zeros = 4, 2, 1
     else:
         cycle = min((5 * table[model + 1]) >> 2, MAX_BITS_BETWEEN)
-        bits, zeros = table[model + 2] + table[model + 1], table[model + 3]
+        bits, zeros = np.int64(table[model + 2]) + table[model + 1], np.int64(table[model + 3])
         if bits > 1 << BIT_LENGTH_BITS:
             bits, zeros = (bits + 1) >> 1, (zeros + 1) >> 1
             bits += zeros == bits
@@ -199,12 +210,6 @@ def wrapped(value):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def bit_length(value):  # type: ignore[no-untyped-def]
-    """Bit length of a number from 0 to 2^32, by the exponent of its float."""
-    return max((np.float64(value).view(np.int64) >> 52) - 1022, 0)
-
-
-@inlined()
 def encode_integer(out, coder, table, start, bits, contexts, context, error):  # type: ignore[no-untyped-def]
     """The coder after the error of an integer's prediction, and its bit length.
 
@@ -221,7 +226,7 @@ def encode_integer(out, coder, table, start, bits, contexts, context, error):  #
     elif k < INTEGER_BITS:
         place = error - 1 if error > 0 else error + (1 << k) - 1
         rest = max(k - DIRECT_BITS, 0)
-        coder = encode(out, coder, table, correctors + CORRECTORS[k], 1 << (k - rest), place >> rest)
+        coder = encode(out, coder, table, correctors + CORRECTORS[np.uint64(k)], 1 << (k - rest), place >> rest)
         if rest:
             coder = write_bits(out, coder, rest, place & ((1 << rest) - 1))
     return coder, k

@@ -3,7 +3,7 @@
 Content and contexts follow Isenburg's published source of LASzip 3 (items of version 3). Columns have one value for
 each point of the chunk. The first point is stored uncompressed, so each layer begins with the second.
 
-All functions take the output, the start of their layer in it, an int32 `table` of :data:`TABLE_SIZE` for the models and
+All functions take the output, the start of their layer in it, a uint16 `table` of :data:`TABLE_SIZE` for the models and
 an int64 `memory` of :data:`MEMORY_SIZE` for preceding values, and return the end of the layer.
 """
 
@@ -73,7 +73,7 @@ def compress_points(points: ChunkColumns) -> bytes:
     """
     n, extra = len(points), points.extra
     out = np.empty(n * (MAX_POINT_BYTES + MAX_EXTRA_BYTES * len(extra)) + MAX_END_BYTES * (10 + len(extra)), np.uint8)
-    table, memory = np.empty(layers.TABLE_SIZE, np.int32), np.empty(layers.MEMORY_SIZE, np.int64)
+    table, memory = np.empty(layers.TABLE_SIZE, np.uint16), np.empty(layers.MEMORY_SIZE, np.int64)
     z_context = np.empty(n, np.uint8)
     x, y, z, returns, time = points.x, points.y, points.z, points.returns, points.gps_time
     ends = [0]
@@ -81,7 +81,9 @@ def compress_points(points: ChunkColumns) -> bytes:
     def layer(column: NDArray[Any], encode: Callable[..., int], *columns: NDArray[Any]) -> None:
         ends.append(encode(out, ends[-1], table, *columns) if differs(column) else ends[-1])
 
-    ends.append(layers.encode_places(out, 0, table, memory, x, y, returns, points.point_source_id, time, z_context))
+    for places in (x, y):
+        layers.predict(places, returns, time, memory)
+    ends.append(layers.encode_places(out, 0, table, x, y, returns, points.point_source_id, time, z_context))
     ends.append(layers.encode_heights(out, ends[-1], table, memory, z, returns, z_context))
     layer(points.classification, layers.encode_classes, points.classification, returns)
     ends.append(ends[-1])  # flags
@@ -110,7 +112,7 @@ def differs(column: NDArray[Any]) -> bool:
 # Kind of a return (0 to 5) by number of returns (rows) and return number (columns).
 RETURN_KINDS: Final = np.array(
     [
-        [int(kind) for kind in row]
+        int(kind)
         for row in (
             "0123453445555555",
             "1013333333333333",
@@ -129,6 +131,7 @@ RETURN_KINDS: Final = np.array(
             "5334444444444555",
             "5334444444444455",
         )
+        for kind in row
     ],
     np.int64,
 )
@@ -173,6 +176,12 @@ OTHER_SEQUENCE: Final = MAX_MULTIPLE - MIN_MULTIPLE + 1
 MULTIPLES: Final = np.int64(OTHER_SEQUENCE + SEQUENCES)
 FIRSTS: Final = np.int64(1 + SEQUENCES)
 """Symbols without a step: 0 for this sequence, 1 for a new one, then the other three."""
+REST_CONTEXTS: Final = np.select(
+    [(m := np.arange(MIN_MULTIPLE, MAX_MULTIPLE + 1)) == MIN_MULTIPLE, m < 0, m == 0, m == 1, m < 10, m < MAX_MULTIPLE],
+    [6, 5, 7, 1, 2, 3],
+    4,
+).astype(np.int64)
+"""Context of the remainder by multiple from the least on."""
 MAX_UNSTEADY: Final = 3
 """After more consecutive multiples of 0 or beyond the limits, the step becomes the last difference."""
 T_CONTEXTS: Final = np.int64(9)
@@ -182,28 +191,39 @@ FIRSTS_AT, STEPS_AT, TIMES_END = ends_of(model_size(MULTIPLES), model_size(FIRST
 TABLE_SIZE: Final = max(PLACES_END, Z_END, CLASSES_END, INTENSITY_END, SOURCE_END, COLOURS_END, TIMES_END)
 
 MEDIAN_SIZE: Final = 6
-"""Numbers of a running median: see :func:`take_into_median`."""
+"""Numbers of a running median: see :func:`predict`."""
 MEDIANS: Final = 12
-MEMORY_SIZE: Final = 2 * MEDIANS * MEDIAN_SIZE
+MEMORY_SIZE: Final = MEDIANS * MEDIAN_SIZE
 
 
-@inlined()
-def take_into_median(memory, at, value):  # type: ignore[no-untyped-def]
-    """Insert a value into five sorted ones in place of an end; the middle one is the running median.
+@kernel()
+def predict(places, returns, time, memory):  # type: ignore[no-untyped-def]
+    """Replace X or Y of all points but the first by the errors of their predictions.
 
-    The sixth number is the end to replace: the highest (1) while values are below the middle, the lowest (0) while they
-    are above it.
+    The step from the point before is predicted by a running median of the steps in its context: five of them are kept
+    sorted, from a to e, and each new one replaces an end, the highest (`top` is -1) while steps are below the middle
+    one, the lowest (`top` is 0) while they are above it. Masks, as a branch on `top` would mostly be guessed wrong.
     """
-    from_top = memory[at + 5] == 1
-    a, b, c, d, e = memory[at], memory[at + 1], memory[at + 2], memory[at + 3], memory[at + 4]
-    below, above = value < c, c < value
-    a, b, c, d = (a, b, c, d) if from_top else (b, c, d, e)
-    memory[at] = min(a, value)
-    memory[at + 1] = max(a, min(b, value))
-    memory[at + 2] = max(b, min(c, value))
-    memory[at + 3] = max(c, min(d, value))
-    memory[at + 4] = max(d, value)
-    memory[at + 5] = below if from_top else not above
+    memory[:] = 0
+    memory[MEDIAN_SIZE - 1 :: MEDIAN_SIZE] = -1
+    last, context = np.int64(places[0]), 0
+    a = b = c = d = e = ZERO
+    top = -ONE
+    for i in range(1, len(places)):
+        usual = MEDIAN_SIZE * (2 * RETURN_KINDS[returns[i]] + (time[i] != time[i - 1]))
+        if usual != context:
+            memory[context], memory[context + 1], memory[context + 2] = a, b, c
+            memory[context + 3], memory[context + 4], memory[context + 5] = d, e, top
+            context = usual
+            a, b, c = memory[context], memory[context + 1], memory[context + 2]
+            d, e, top = memory[context + 3], memory[context + 4], memory[context + 5]
+        step = wrapped(places[i] - last)
+        last = np.int64(places[i])
+        places[i] = wrapped(step - c)
+        above = c + top
+        a, b, c, d = b ^ ((a ^ b) & top), c ^ ((b ^ c) & top), d ^ ((c ^ d) & top), e ^ ((d ^ e) & top)
+        a, b, c, d, e = min(a, step), max(a, min(b, step)), max(b, min(c, step)), max(c, min(d, step)), max(d, step)
+        top = -np.int64(step <= above)
 
 
 @inlined()
@@ -214,12 +234,9 @@ def return_place(returns):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def encode_places(out, at, table, memory, x, y, returns, source, time, z_context):  # type: ignore[no-untyped-def]
-    """Changes, returns, X and Y; also sets the context of each point's Z."""
+def encode_places(out, at, table, x, y, returns, source, time, z_context):  # type: ignore[no-untyped-def]
+    """Changes, returns, and the errors of X and Y; also sets the context of each point's Z."""
     table[:PLACES_END] = 0
-    memory[:] = 0
-    for i in range(MEDIAN_SIZE - 1, MEMORY_SIZE, MEDIAN_SIZE):
-        memory[i] = 1
     coder = coder_at(at)
     time_differs = False
     for i in range(1, len(x)):
@@ -241,18 +258,10 @@ def encode_places(out, at, table, memory, x, y, returns, source, time, z_context
             else:
                 coder = encode(out, coder, table, JUMPS_AT, JUMPS, jump - 2)
 
-        single = count == 1
-        usual = MEDIAN_SIZE * (2 * RETURN_KINDS[count, number] + time_differs)
-        step = wrapped(np.int64(x[i]) - x[i - 1])
-        coder, x_bits = encode_integer(
-            out, coder, table, X_AT, BITS_32, X_CONTEXTS, np.int64(single), step - memory[usual + 2]
-        )
-        take_into_median(memory, usual, step)
-        usual += MEDIAN_SIZE * MEDIANS
-        step = wrapped(np.int64(y[i]) - y[i - 1])
+        single = np.int64(count == 1)
+        coder, x_bits = encode_integer(out, coder, table, X_AT, BITS_32, X_CONTEXTS, single, np.int64(x[i]))
         context = min(x_bits & ~1, 20) + single
-        coder, y_bits = encode_integer(out, coder, table, Y_AT, BITS_32, Y_CONTEXTS, context, step - memory[usual + 2])
-        take_into_median(memory, usual, step)
+        coder, y_bits = encode_integer(out, coder, table, Y_AT, BITS_32, Y_CONTEXTS, context, np.int64(y[i]))
         z_context[i] = min(((x_bits + y_bits) >> 1) & ~1, 18) + single
     return finish(out, coder)
 
@@ -373,14 +382,6 @@ def is_int32(value):  # type: ignore[no-untyped-def]
     return (value >= -0x80000000) & (value <= 0x7FFFFFFF)
 
 
-@inlined()
-def rest_context(multiple):  # type: ignore[no-untyped-def]
-    """The context of the remainder."""
-    if multiple > 0:
-        return 1 if multiple == 1 else 2 if multiple < 10 else 3 if multiple < MAX_MULTIPLE else 4
-    return 7 if multiple == 0 else 5 if multiple > MIN_MULTIPLE else 6
-
-
 @kernel()
 def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped-def]
     """Times, where they differ, as differences of their bits, which are `bits` as int64.
@@ -419,7 +420,7 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
             ratio += np.float32(0.5) if ratio >= 0 else np.float32(-0.5)
             multiple = np.int64(max(min(ratio, np.float32(MAX_MULTIPLE)), np.float32(MIN_MULTIPLE)))
             symbol = multiple if multiple >= 0 else MAX_MULTIPLE - multiple
-            context, error = np.int64(rest_context(multiple)), difference - multiple * step[now]
+            context, error = REST_CONTEXTS[np.uint64(multiple - MIN_MULTIPLE)], difference - multiple * step[now]
         if not begins:
             coder = encode(out, coder, table, FIRSTS_AT if first else ZERO, FIRSTS if first else MULTIPLES, symbol)
         # Once for all cases, because it is inlined: to compile it three times took a second.

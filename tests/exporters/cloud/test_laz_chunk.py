@@ -126,4 +126,5 @@ def chunks(draw: st.DrawFn, most: int = 3_000) -> ChunkColumns:
 @settings(max_examples=150)
 @given(points=chunks())
 def test_any_chunk__is_that_of_lazrs(points: ChunkColumns) -> None:
-    assert compress_points(points) == by_lazrs(points)
+    expected = by_lazrs(points)
+    assert compress_points(points) == expected
