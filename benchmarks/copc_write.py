@@ -30,7 +30,7 @@ from furrowmap.core.session.opened import open_session
 from furrowmap.exporters.cloud.file import CopcFormat, las_header
 from furrowmap.exporters.cloud.octree import Key, Octree
 from furrowmap.exporters.cloud.points import PointBatch, pack
-from furrowmap.exporters.cloud.records import Chosen, Records, gather_records
+from furrowmap.exporters.cloud.records import Chosen, Records
 from furrowmap.exporters.cloud.writer import MEMORY_POINTS, NODE_POINTS, CopcWriter
 
 LOOP = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "session.toml"
@@ -104,7 +104,7 @@ class CopclibNodes:
 
     def put(self, key: Key, parts: Sequence[Chosen]) -> Future[None]:
         """Write a node."""
-        records = np.concatenate([gather_records(part.records, part.members) for part in parts])
+        records = np.concatenate([part.gathered() for part in parts])
         self._writer.AddNode(copclib.VoxelKey(*key), copclib.VectorChar(records.view(np.int8)))
         done: Future[None] = Future()
         done.set_result(None)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.exporters.cloud.records import Records, rows_of
+from furrowmap.exporters.cloud.records import Chosen, rows_of
 
 DEPTH: Final = 7
 """Maximum number of halvings of a cube: 128 cells a side, 2 million in all."""
@@ -76,25 +76,25 @@ def places(depth: int, code: int) -> tuple[int, int, int]:
     return x, y, z
 
 
-def codes_of(records: Records, cube: Cube, depth: int) -> tuple[NDArray[np.uint32], NDArray[np.int32]]:
-    """The cell of each record (n,), and the number of records in each cell (8^depth,)."""
-    codes, counts = np.empty(len(records), np.uint32), np.zeros(8**depth, np.int32)
-    locate(rows_of(records), np.array(cube.origin, np.int64), cube.bits - depth, SPREAD, codes, counts)
+def codes_of(chosen: Chosen, cube: Cube, depth: int) -> tuple[NDArray[np.uint32], NDArray[np.int32]]:
+    """The cell of each chosen record (n,), and the number of them in each cell (8^depth,)."""
+    codes, counts, origin = np.empty(len(chosen), np.uint32), np.zeros(8**depth, np.int32), np.array(cube.origin)
+    locate(rows_of(chosen.records), chosen.members, origin, cube.bits - depth, SPREAD, codes, counts)
     return codes, counts
 
 
 @kernel()
-def locate(records, origin, bits, spread, codes, counts):  # type: ignore[no-untyped-def]
+def locate(records, members, origin, bits, spread, codes, counts):  # type: ignore[no-untyped-def]
     """Kernel of :func:`codes_of`; a record begins with X, Y and Z as little-endian int32."""
-    for i in range(len(records)):
-        code = np.uint32(0)
+    for i in range(len(members)):
+        code, record = np.uint32(0), members[i]
         for axis in range(3):
             k = 4 * axis
             step = (
-                np.uint32(records[i, k])
-                | np.uint32(records[i, k + 1]) << np.uint32(8)
-                | np.uint32(records[i, k + 2]) << np.uint32(16)
-                | np.uint32(records[i, k + 3]) << np.uint32(24)
+                np.uint32(records[record, k])
+                | np.uint32(records[record, k + 1]) << np.uint32(8)
+                | np.uint32(records[record, k + 2]) << np.uint32(16)
+                | np.uint32(records[record, k + 3]) << np.uint32(24)
             )
             place = (np.int64(np.int32(step)) - origin[axis]) >> bits
             code |= spread[place] << np.uint32(axis)
@@ -102,15 +102,17 @@ def locate(records, origin, bits, spread, codes, counts):  # type: ignore[no-unt
         counts[code] += 1
 
 
-def sorted_order(keys: NDArray[np.uint32], counts: NDArray[np.int32]) -> NDArray[np.uint32]:
-    """The indices (n,) of a stable sort of `keys`, whose histogram `counts` becomes the end of each key in them."""
+def sorted_order(
+    keys: NDArray[np.uint32], counts: NDArray[np.int32], members: NDArray[np.uint32]
+) -> NDArray[np.uint32]:
+    """`members` (n,) in a stable sort by `keys` (n,), whose histogram `counts` becomes the end of each key in them."""
     order = np.empty(len(keys), np.uint32)
-    count_sort(keys, counts, order)
+    count_sort(keys, counts, members, order)
     return order
 
 
 @kernel()
-def count_sort(keys, counts, order):  # type: ignore[no-untyped-def]
+def count_sort(keys, counts, members, order):  # type: ignore[no-untyped-def]
     """Kernel of :func:`sorted_order`."""
     done = 0
     for key in range(len(counts)):
@@ -119,5 +121,5 @@ def count_sort(keys, counts, order):  # type: ignore[no-untyped-def]
         counts[key] = begin
     for i in range(len(keys)):
         key = keys[i]
-        order[counts[key]] = i
+        order[counts[key]] = members[i]
         counts[key] += 1

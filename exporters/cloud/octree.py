@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.record_spool import RecordSpool
 from furrowmap.exporters.cloud.cube import DEPTH, Cube, codes_of, places, sorted_order
-from furrowmap.exporters.cloud.records import Chosen, Records, copy_records, gather_records
+from furrowmap.exporters.cloud.records import Chosen, Records, gather_records
 
 SLICE: Final = 1 << 16
 """Records copied in one go when a half of memory is sorted into the file: few enough for the processor's cache."""
@@ -186,15 +186,18 @@ class Octree:
         self._await_spill()
         cube = self._enclose()
         if self._spool is None:
-            nodes = self._held / (2 * self._node_points)
-            self._depth = min(self._depth, 2 + math.ceil(math.log(max(nodes, 1.0), 4)))
-            records = self._buffer[: self._held]
-            codes, counts = codes_of(records, cube, self._depth)
-            self._place(put, records, codes, plan_levels(counts, self._depth, self._node_points), end=len(counts))
+            self._sort(put, cube, Chosen.all_of(self._buffer[: self._held]))
         else:
             self._spill(self._spool, cube, self._buffer[self._first : self._held])
             self._gather(put, self._spool, cube)
         return cube
+
+    def _sort(self, put: PutNode, cube: Cube, chosen: Chosen) -> None:
+        """Pass the nodes of all points to `put`, which are in memory."""
+        nodes = len(chosen) / (2 * self._node_points)
+        self._depth = min(self._depth, 2 + math.ceil(math.log(max(nodes, 1.0), 4)))
+        codes, counts = codes_of(chosen, cube, self._depth)
+        self._place(put, chosen, codes, plan_levels(counts, self._depth, self._node_points), end=len(counts))
 
     def close(self) -> None:
         """Remove temporary files."""
@@ -231,12 +234,13 @@ class Octree:
 
     def _spill(self, spool: RecordSpool, cube: Cube, records: Records) -> None:
         """Put records into the file."""
-        codes, counts = codes_of(records, cube, self._depth)
+        chosen = Chosen.all_of(records)
+        codes, counts = codes_of(chosen, cube, self._depth)
         self._counts += counts
         there = np.flatnonzero(counts)
-        order = sorted_order(codes, counts)
+        order = sorted_order(codes, counts, chosen.members)
         spool.append(
-            (gather_records(records, order[start : start + SLICE]) for start in range(0, len(order), SLICE)),
+            (Chosen(records, order[start : start + SLICE]).gathered() for start in range(0, len(order), SLICE)),
             there,
             np.concatenate([[0], counts[there]]),
         )
@@ -257,6 +261,10 @@ class Octree:
     def _gather(self, put: PutNode, spool: RecordSpool, cube: Cube) -> None:
         """Take back what the file holds, stretch of cells by stretch of cells."""
         plan = plan_levels(self._counts, self._depth, self._node_points)
+        # A cell that is read in one go is divided where it lies: halves may grow to the quarter of memory of an octree.
+        half = min(int(self._counts.max()), self._memory_points // 4)
+        if 2 * half > len(self._buffer):
+            self._buffer = np.empty(2 * half, self._buffer.dtype)
         up_to = np.concatenate([[0], np.cumsum(self._counts)])
         first = 0
         while first < len(self._counts):
@@ -266,8 +274,9 @@ class Octree:
             left = int(up_to[end] - up_to[first])
             for part in spool.parts(first, end, self._other_half):
                 left -= len(part)
-                codes, _ = codes_of(part, cube, self._depth)
-                self._place(put, part, codes, plan, end if left == 0 else first)
+                chosen = Chosen.all_of(part)
+                codes, _ = codes_of(chosen, cube, self._depth)
+                self._place(put, chosen, codes, plan, end if left == 0 else first)
             first = end
 
     def _other_half(self) -> Records:
@@ -278,25 +287,29 @@ class Octree:
         half = len(self._buffer) // 2
         return self._buffer[self._turn * half : (self._turn + 1) * half]
 
-    def _place(self, put: PutNode, records: Records, codes: NDArray[np.uint32], plan: Plan, end: int) -> None:
-        """Sort records into nodes and output those whose cells, all before `end`, are complete."""
+    def _place(self, put: PutNode, chosen: Chosen, codes: NDArray[np.uint32], plan: Plan, end: int) -> None:
+        """Sort points into nodes and output those whose cells, all before `end`, are complete."""
+
+        def put_on(key: Key, parts: Sequence[Chosen]) -> Future[Any]:
+            reading = put(key, parts)
+            self._reading[self._turn].append(reading)
+            return reading
+
         nodes, counts = draw_nodes(codes, plan, self._random)
         there = np.flatnonzero(counts).tolist()
-        order, ends = sorted_order(nodes, counts), counts
+        order, ends = sorted_order(nodes, counts, chosen.members), counts
         for node in sorted({*there, *self._waiting, *self._within}):
-            members = order[ends[node - 1] if node else 0 : ends[node]]
+            own = Chosen(chosen.records, order[ends[node - 1] if node else 0 : ends[node]])
             complete = plan.codes_below(node)[1] <= end
             if plan.is_full(node) and self._depth < self._enclose().bits:
-                self._divide(put, node, plan, gather_records(records, members), complete=complete)
+                self._divide(put_on, node, plan, own, complete=complete)
             elif complete:
-                parts = [*self._waiting.pop(node, []), Chosen(records, members)]
-                self._reading[self._turn].append(put(self._key_of(node, plan), parts))
+                put_on(self._key_of(node, plan), [*self._waiting.pop(node, []), own])
             else:
-                all_of = np.arange(len(members), dtype=np.uint32)
-                self._waiting.setdefault(node, []).append(Chosen(gather_records(records, members), all_of))
+                self._waiting.setdefault(node, []).append(Chosen.all_of(own.gathered()))
 
-    def _divide(self, put: PutNode, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
-        """Pass the records of a deepest node with too many to an octree within its cell."""
+    def _divide(self, put: PutNode, node: int, plan: Plan, chosen: Chosen, *, complete: bool) -> None:
+        """Pass the points of a deepest node with too many to an octree within its cell."""
         inner = self._within.get(node)
         if inner is None:
             cube = self._enclose().cell(self._depth, node - int(plan.first[self._depth]))
@@ -305,16 +318,17 @@ class Octree:
                 self._buffer.dtype, memory_points, self._node_points, self._folder, self._random, cube, key
             )
         if complete and not inner._held and inner._spool is None:
-            inner._buffer, inner._held = records, len(records)
+            inner._sort(put, inner._enclose(), chosen)
         else:
             copied = 0
-            while copied < len(records):
-                room = inner.room(len(records) - copied)
-                copy_records(records[copied : copied + len(room)], room)
+            while copied < len(chosen):
+                room = inner.room(len(chosen) - copied)
+                gather_records(chosen.records, chosen.members[copied : copied + len(room)], room)
                 inner.filled(len(room), *inner._enclose().corners)
                 copied += len(room)
+            if complete:
+                inner.finish(put)
         if complete:
-            inner.finish(put)
             inner.close()
             del self._within[node]
 

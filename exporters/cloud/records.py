@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numba
 import numpy as np
@@ -36,22 +36,33 @@ class Chosen:
     def __len__(self) -> int:
         return len(self.members)
 
+    @classmethod
+    def all_of(cls, records: Records) -> Self:
+        """All records."""
+        return cls(records, np.arange(len(records), dtype=np.uint32))
+
+    def gathered(self) -> Records:
+        """A copy of the records, in order."""
+        return gather_records(self.records, self.members, np.empty(len(self), self.records.dtype))
+
 
 def rows_of(records: Records) -> NDArray[np.uint8]:
     """A view of the records' bytes (n, bytes of one)."""
     return records.view(np.uint8).reshape(len(records), records.dtype.itemsize)
 
 
-def copy_records(source: Records, target: Records) -> None:
-    """Copy records bytewise: numpy would copy field by field."""
-    target.view(np.uint8)[:] = source.view(np.uint8)
-
-
-def gather_records(source: Records, members: NDArray[np.uint32]) -> Records:
-    """The records `members` of `source`."""
-    target = np.empty(len(members), source.dtype)
-    gather(rows_of(source), members, rows_of(target))
+def gather_records(source: Records, members: NDArray[np.uint32], target: Records) -> Records:
+    """Fill `target` with the records `members` of `source`."""
+    gather(*_words_of(source), members, *_words_of(target))
     return target
+
+
+def _words_of(records: Records) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+    """Views of the records' whole words (n, bytes of one // 8), and of the last eight bytes of each (n,)."""
+    size = records.dtype.itemsize
+    words = {"names": ["whole", "last"], "formats": [("<u8", size // 8), "<u8"], "offsets": [0, size - 8]}
+    view = records.view(np.dtype({**words, "itemsize": size}))
+    return view["whole"], view["last"]
 
 
 def select_columns(parts: Sequence[Chosen], *, coloured: bool) -> ChunkColumns:
@@ -82,18 +93,27 @@ def select_columns(parts: Sequence[Chosen], *, coloured: bool) -> ChunkColumns:
     return ChunkColumns(x, y, z, intensity, returns, classification, point_source_id, gps_time, rgb, extra)
 
 
-@kernel()
-def gather(source, members, target):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`gather_records`; three times as fast as numpy's take."""
+def field_type(dtype: Any) -> Any:
+    """The numba type of a record's field, which is not aligned."""
+    return numba.types.Array(dtype, 1, "A", aligned=False)
+
+
+@kernel(
+    numba.void(
+        numba.types.Array(numba.uint64, 2, "A", aligned=False),
+        field_type(numba.uint64),
+        numba.uint32[::1],
+        numba.types.Array(numba.uint64, 2, "A", aligned=False),
+        field_type(numba.uint64),
+    )
+)
+def gather(source, source_last, members, target, target_last):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`gather_records`; eight bytes at once, as a loop over single bytes takes three times as long."""
     for i in range(len(members)):
         k = members[i]
         for j in range(source.shape[1]):
             target[i, j] = source[k, j]
-
-
-def field_type(dtype: Any) -> Any:
-    """The numba type of a record's field, which is not aligned."""
-    return numba.types.Array(dtype, 1, "A", aligned=False)
+        target_last[i] = source_last[k]
 
 
 FIELD_TYPES: Final = (*(numba.int32,) * 3, numba.uint16, numba.uint8, numba.uint8, numba.uint16, numba.float64)
