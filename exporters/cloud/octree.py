@@ -236,8 +236,8 @@ class Octree:
         """Put records into the file."""
         chosen = Chosen.all_of(records)
         codes, counts = codes_of(chosen, cube, self._depth)
-        self._counts += counts
-        there = np.flatnonzero(counts)
+        there = np.flatnonzero(counts != 0)  # of the numbers themselves it takes four times as long
+        self._counts[there] += counts[there]
         order = sorted_order(codes, counts, chosen.members)
         spool.append(
             (Chosen(records, order[start : start + SLICE]).gathered() for start in range(0, len(order), SLICE)),
@@ -296,7 +296,7 @@ class Octree:
             return reading
 
         nodes, counts = draw_nodes(codes, plan, self._random)
-        there = np.flatnonzero(counts).tolist()
+        there = np.flatnonzero(counts != 0).tolist()
         order, ends = sorted_order(nodes, counts, chosen.members), counts
         for node in sorted({*there, *self._waiting, *self._within}):
             own = Chosen(chosen.records, order[ends[node - 1] if node else 0 : ends[node]])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import FurrowmapError
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel_part
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.exporters.cloud.records import Records, field_type
 
@@ -17,6 +17,8 @@ Whole = NDArray[np.integer[Any]] | int
 """A number for each point of a batch, or one for all."""
 
 STEPS: Final = np.iinfo(np.int32)
+LEAST: Final = float(STEPS.min)
+MOST: Final = float(STEPS.max)
 RETURNS: Final = 15
 """The most returns a pulse can have in point formats 6 and up."""
 
@@ -180,7 +182,7 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
     return ValueError(f"PointBatch.return_number or .returns is beyond 1 to {RETURNS}")
 
 
-@kernel(
+@kernel_part(
     numba.int64(
         numba.float64[:, ::1],
         numba.float64,
@@ -202,25 +204,25 @@ def pack_points(  # type: ignore[no-untyped-def]
 
     Also computes the least and greatest steps, the number of points by return number, and the first and last of `t_s`.
     """
-    low[:] = 2**31 - 1
-    high[:] = -(2**31)
-    seconds[0], seconds[1] = np.inf, -np.inf
-    step = np.empty(3, np.int64)
+    west = south = bottom = first = np.inf
+    east = north = top = last = -np.inf
     for i in range(len(t_s)):
-        for j in range(3):
-            value = np.rint(xyz_m[i, j] * steps_per_m)
-            if not (-2147483648.0 <= value <= 2147483647.0):  # false for nan too
-                return i
-            step[j] = np.int64(value)
-            low[j] = min(low[j], step[j])
-            high[j] = max(high[j], step[j])
+        e = np.rint(xyz_m[i, 0] * steps_per_m)
+        n = np.rint(xyz_m[i, 1] * steps_per_m)
+        h = np.rint(xyz_m[i, 2] * steps_per_m)
         number, of = return_number[i], returns[i]
-        if not (1 <= number <= 15 and 1 <= of <= 15 and np.isfinite(t_s[i])):
+        # False for nan too.
+        within = (LEAST <= e <= MOST) and (LEAST <= n <= MOST) and (LEAST <= h <= MOST) and np.isfinite(t_s[i])
+        if not (within and 1 <= number <= 15 and 1 <= of <= 15):
             return i
-        x[i], y[i], z[i] = step[0], step[1], step[2]
+        x[i], y[i], z[i] = np.int64(e), np.int64(n), np.int64(h)
+        west, east = min(west, e), max(east, e)
+        south, north = min(south, n), max(north, n)
+        bottom, top = min(bottom, h), max(top, h)
         bit_fields[i] = number | of << 4
-        by_return[number] += 1
+        by_return[np.uint64(number)] += 1
         time[i] = t_s[i] + shift_s
-        seconds[0] = min(seconds[0], t_s[i])
-        seconds[1] = max(seconds[1], t_s[i])
+        first, last = min(first, t_s[i]), max(last, t_s[i])
+    low[0], low[1], low[2], high[0], high[1], high[2] = west, south, bottom, east, north, top
+    seconds[0], seconds[1] = first, last
     return -1
