@@ -313,7 +313,7 @@ def test_core__holds_only_folders() -> None:
     assert loose == {"core/__init__.py"}
 
 
-KERNELS = {"njit", "kernel", "inlined"}
+KERNELS = {"njit", "kernel", "kernel_part", "inlined"}
 OPTIONS = {"option", "argument"}
 
 

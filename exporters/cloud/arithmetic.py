@@ -149,7 +149,7 @@ def encode_bit(out, coder, table, model, bit):  # type: ignore[no-untyped-def]
 def refresh_bit(table, model):  # type: ignore[no-untyped-def]
     """Make a bit model's probability follow its counts; in an unused one, both are equally probable."""
     if table[model + 1] == 0:
-        cycle, bits, zeros = 4, 2, 1
+        cycle, bits, zeros = 4, np.int64(2), np.int64(1)
     else:
         cycle = min((5 * table[model + 1]) >> 2, MAX_BITS_BETWEEN)
         bits, zeros = np.int64(table[model + 2]) + table[model + 1], np.int64(table[model + 3])

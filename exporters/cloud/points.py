@@ -17,8 +17,8 @@ Whole = NDArray[np.integer[Any]] | int
 """A number for each point of a batch, or one for all."""
 
 STEPS: Final = np.iinfo(np.int32)
-LEAST: Final = float(STEPS.min)
-MOST: Final = float(STEPS.max)
+LEAST_STEP: Final = float(STEPS.min)
+MOST_STEP: Final = float(STEPS.max)
 RETURNS: Final = 15
 """The most returns a pulse can have in point formats 6 and up."""
 
@@ -212,7 +212,12 @@ def pack_points(  # type: ignore[no-untyped-def]
         h = np.rint(xyz_m[i, 2] * steps_per_m)
         number, of = return_number[i], returns[i]
         # False for nan too.
-        within = (LEAST <= e <= MOST) and (LEAST <= n <= MOST) and (LEAST <= h <= MOST) and np.isfinite(t_s[i])
+        within = (
+            (LEAST_STEP <= e <= MOST_STEP)
+            and (LEAST_STEP <= n <= MOST_STEP)
+            and (LEAST_STEP <= h <= MOST_STEP)
+            and np.isfinite(t_s[i])
+        )
         if not (within and 1 <= number <= 15 and 1 <= of <= 15):
             return i
         x[i], y[i], z[i] = np.int64(e), np.int64(n), np.int64(h)

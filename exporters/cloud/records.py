@@ -60,8 +60,9 @@ def gather_records(source: Records, members: NDArray[np.uint32], target: Records
 def _words_of(records: Records) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
     """Views of the records' whole words (n, bytes of one // 8), and of the last eight bytes of each (n,)."""
     size = records.dtype.itemsize
-    words = {"names": ["whole", "last"], "formats": [("<u8", size // 8), "<u8"], "offsets": [0, size - 8]}
-    view = records.view(np.dtype({**words, "itemsize": size}))
+    formats = [("<u8", (size // 8,)), "<u8"]
+    words = {"names": ["whole", "last"], "formats": formats, "offsets": [0, size - 8], "itemsize": size}
+    view = records.view(np.dtype(words))  # type: ignore[call-overload]  # words that overlap
     return view["whole"], view["last"]
 
 
