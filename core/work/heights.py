@@ -66,7 +66,7 @@ class ToolHeightTracker:
         self._rotation = np.ascontiguousarray(mounting.rotation)
         self._lever_m = np.asarray(mounting.xyz_m, np.float64)
         columns = region.columns | np.roll(region.columns, 1) | np.roll(region.columns, -1)
-        self._eighths = columns.reshape(8, -1).any(axis=1)[list(_EIGHTHS)]
+        self._eighths = np.any(columns.reshape(8, -1), axis=1)[list(_EIGHTHS)]
         self._ground, self._box = np.array(region.ground), np.array(region.box_m)
         self._grid = np.array([grid.x_m, grid.z_m])
         self._views = np.zeros((2, grid.columns, grid.rows), np.float32)
