@@ -161,8 +161,8 @@ def ground_returns(
         margin = np.ones((2 * BODY_MARGIN + 1, 2 * BODY_MARGIN + 1), np.bool_)
         body = binary_dilation(seen >= max(1.0, BODY_SHARE * count), margin)
         all_standing = _without_body(stored := upright.stored(), body & False, stored)
-        off_body = tuple(zeros(field.shape, field.dtype) for field in all_standing)
-        what_stands = _without_body(all_standing, body, off_body)
+        times, places, halves, lasers = (zeros(column.shape, column.dtype) for column in all_standing)
+        what_stands = _without_body(all_standing, body, (times, places, halves, lasers))
         upright_returns = UprightReturns(*what_stands), UprightReturns(*all_standing)
         t_s, xyz_m, half, laser = _without_body(stored := ground.stored(), body, stored)
         return GroundReturns(t_s, xyz_m, half, body, upright_returns[0], laser, upright_returns[1])
@@ -211,8 +211,8 @@ class _Scratch:
         self, t_s: FloatArray, xyz_m: NDArray[np.float32], half: NDArray[np.uint8], laser: NDArray[np.uint8]
     ) -> None:
         """Append returns."""
-        for file, column in zip(self._files, (t_s, xyz_m, half, laser), strict=True):
-            file.write(column.data)
+        for file, column in zip(self._files, (t_s.data, xyz_m.data, half.data, laser.data), strict=True):
+            file.write(column)
         self._count += len(t_s)
 
     def stored(self) -> _Fields:
@@ -237,16 +237,16 @@ def _without_body(found: _Fields, body: NDArray[np.bool_], out: _Fields) -> _Fie
     """
     rows = 0
     for part in parts(len(found[0]), STEP_RETURNS):
-        columns = [taken(field, part) for field in found]
-        t_s, xyz_m = columns[:2]
+        columns = [taken(whole, part) for whole in found]
+        t_s, xyz_m, _, _ = columns
         kept = np.flatnonzero(~on_body(xyz_m, body))
         # Packets may come a little out of order; what follows relies on time.
         if np.any(np.diff(t_s) < 0):
             kept = kept[np.argsort(t_s[kept], kind="stable")]
-        for to, column in zip(out, columns, strict=True):
-            to[rows : rows + len(kept)] = column[kept]
-        rows += len(kept)
-    t_s, xyz_m, half, laser = (first(field, rows) for field in out)
+        end = rows + len(kept)
+        out[0][rows:end], out[1][rows:end], out[2][rows:end], out[3][rows:end] = (column[kept] for column in columns)
+        rows = end
+    t_s, xyz_m, half, laser = (first(whole, rows) for whole in out)
     return t_s, xyz_m, half, laser
 
 
