@@ -40,10 +40,11 @@ def cells_with_points(place_m: FloatArray, cell_m: float) -> NDArray[np.int64]:
 @kernel()
 def _bounds(place_m):  # type: ignore[no-untyped-def]
     low, high = place_m[0].copy(), place_m[0].copy()
-    for i in range(len(place_m)):
-        for k in range(place_m.shape[1]):
-            low[k] = min(low[k], place_m[i, k])
-            high[k] = max(high[k], place_m[i, k])
+    for k in range(place_m.shape[1]):
+        least, most = low[k], high[k]
+        for i in range(len(place_m)):
+            least, most = min(least, place_m[i, k]), max(most, place_m[i, k])
+        low[k], high[k] = least, most
     return low, high
 
 
