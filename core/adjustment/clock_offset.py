@@ -25,7 +25,7 @@ from furrowmap.core.adjustment.yaw_ambiguity import (
     relief_of_scans,
     sum_of_halves,
 )
-from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.banded import Solution
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.estimation.positions import AntennaPositions
@@ -321,7 +321,7 @@ def antenna_constants(
     antenna: AntennaPositions,
     coarse: CoarseKnots,
     centre_m: FloatArray,
-    free: NormalEquations,
+    solution: Solution,
 ) -> AntennaConstants:
     """The constants by the residuals of the positions, all other unknowns eliminated (Schur complement).
 
@@ -330,7 +330,7 @@ def antenna_constants(
     Args:
         antenna: positions, with robust weights.
         centre_m: see :meth:`~furrowmap.core.estimation.coarse.CoarseKnots.centres`.
-        free: equations of the coarse knots with free references.
+        solution: of the equations of the coarse knots with free references.
     """
     k, design, residual, sigma = antenna.linearised(knots, state)
     if not len(k):
@@ -340,7 +340,6 @@ def antenna_constants(
     own = np.concatenate([velocity[:, :, None], state.rotation[k][:, :, :2]], axis=2)
     weighted = own / sigma[:, :, None] ** 2
     by_knots = np.einsum("mas,maq->qms", design, weighted)
-    solution = free.solve()
     links, solved = [], []
     for rows in by_knots:
         link = np.zeros((len(knots), size))

@@ -13,7 +13,7 @@ from furrowmap.core.adjustment.clock_offset import AntennaConstants, antenna_con
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, Aid
-from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.banded import NormalEquations, Solution
 from furrowmap.core.estimation.coarse import CoarseKnots
 from furrowmap.core.estimation.knots import VEHICLE, Knots, Observation, State, knots_over, start_from
 from furrowmap.core.estimation.positions import AntennaPositions, headings_at_stands
@@ -112,22 +112,22 @@ class Linearised:
     Attributes:
         held: of all knots, references fixed.
         centre_m: see :meth:`CoarseKnots.centres`.
-        free: of the coarse knots, references free.
         prior: of the coarse knots, without LiDAR.
-        state: at which `free` is linearised.
+        solution: of the coarse knots, references free.
+        state: at which they are linearised.
     """
 
     held: NormalEquations
     coarse: CoarseKnots
     centre_m: FloatArray
-    free: NormalEquations
     prior: NormalEquations
+    solution: Solution
     state: State
 
     @cached_property
     def covariance(self) -> FloatArray:
         """(count · size, count · size) of the coarse knots with free references; not to be changed."""
-        return self.free.inverse()
+        return self.solution.inverse()
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ class Adjusted:
         constants, sway = AntennaConstants(), AntennaSway()
         if problem.lever_m.any():
             knots, last = problem.knots, it.last
-            constants = antenna_constants(knots, it.state, antenna, last.coarse, last.centre_m, last.free)
+            constants = antenna_constants(knots, it.state, antenna, last.coarse, last.centre_m, last.solution)
             sway = antenna_sway(knots, it.state, antenna, last.held)
             if not sway.off and sway.refutes(constants.lever_m, constants.lever_sigma_m):
                 constants = AntennaConstants(constants.clock_s, constants.clock_sigma_s, constants.clock_gain)

@@ -220,7 +220,7 @@ def shown_slow_errors(stated: Problem, adjusted: Adjusted) -> SlowErrors:
 
     used, used_right, _ = alone(next(one for one in adjusted.problem.observations if isinstance(one, GnssDrift)), state)
     all_normal = np.linalg.inv(last.covariance[np.ix_(chosen, chosen)])
-    others, others_right = all_normal - used, all_normal @ (last.covariance[chosen] @ last.free.right) - used_right
+    others, others_right = all_normal - used, all_normal @ last.solution.values[chosen] - used_right
 
     @cache
     def drift_of(horizontal: float, vertical: float) -> tuple[FloatArray, FloatArray, float]:

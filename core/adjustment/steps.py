@@ -102,8 +102,8 @@ def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, fre
     _free_references(equations, centre, ground, walls)
     if problem.slow:
         _let_all_move(equations, prior, centre)
-    last = Linearised(held, coarse, centre, equations, prior, state)
     solution = _damped(equations, coarse.touched(problem.without_position), state)
+    last = Linearised(held, coarse, centre, prior, solution, state)
     crab_rad = crab_angle_rad(knots, state, coarse, centre, solution)
     step = fine_step(coarse, centre, state, solution.values)
     return replace(_moved(problem, it, step, ground, walls), last=last, crab_rad=crab_rad), _tilt(step)

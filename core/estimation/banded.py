@@ -65,24 +65,6 @@ class NormalEquations:
         out: FloatArray = _dense(self.band.T)
         return out
 
-    def inverse(self) -> FloatArray:
-        """(n, n) the whole of N⁻¹. Raises LinAlgError if N is not positive definite.
-
-        Units of the unknowns do not matter: Cholesky's rounding errors are those of N scaled to ones on its diagonal
-        (Higham 2002, Accuracy and Stability of Numerical Algorithms, theorem 10.6).
-        """
-        dense = self.dense()
-        lacking = np.flatnonzero(~(np.diag(dense) > 0.0))
-        if len(lacking):  # LAPACK goes on with the numbers that are none
-            raise np.linalg.LinAlgError(f"the normal matrix is not positive definite in row {lacking[0] + 1}")
-        factor, fault = scipy.linalg.lapack.dpotrf(dense.T, lower=1, overwrite_a=1)
-        if fault:
-            raise np.linalg.LinAlgError(f"the normal matrix is not positive definite in row {fault}")
-        half, _ = scipy.linalg.lapack.dpotri(factor, lower=1, overwrite_c=1)
-        _mirror(half.T)
-        out: FloatArray = half
-        return out
-
     def solve(self) -> "Solution":
         """The solution, which also knows how well it is known. Raises LinAlgError if N is not positive definite."""
         # LAPACK itself, since SciPy's functions look for numbers that are not finite in copies of the whole.
@@ -131,6 +113,14 @@ class Solution:
     def by(self, right: FloatArray) -> FloatArray:
         """(n,) the unknowns of the same normal matrix with another right-hand side, or (n, m) those with several."""
         return _back(self.factor, right)
+
+    def inverse(self) -> FloatArray:
+        """(n, n) the whole of N⁻¹."""
+        half: FloatArray
+        half, fault = scipy.linalg.lapack.dpotri(_dense(self.factor.T).T, lower=1, overwrite_c=1)
+        assert not fault
+        _mirror(half.T)
+        return half
 
     def sigma(self) -> FloatArray:
         """(n,) standard deviations of the unknowns."""

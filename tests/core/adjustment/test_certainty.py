@@ -41,7 +41,7 @@ def test_sigmas__are_of_slow_and_quick_errors_together(held_by_returns: float, i
     quick, slow = random_chain(len(knots), 1, 0.01), random_chain(coarse.count, 2, 0.02)
     bow = Considered(*np.random.default_rng(3).normal(size=(2, coarse.count * SIZE)))
     normal = np.tile(held_by_returns * np.eye(6)[np.triu_indices(6)], (len(knots), 1))
-    found = sigmas(state, Linearised(quick, coarse, centre, slow, slow, state), bow, normal)
+    found = sigmas(state, Linearised(quick, coarse, centre, slow, slow.solve(), state), bow, normal)
 
     def covariance(equations: NormalEquations) -> np.ndarray:
         n = equations.band.shape[1]
