@@ -143,13 +143,11 @@ def test_normal_equations__without_a_solution() -> None:
     equations = NormalEquations(3, 2)
     for diagonal in ([0.0, 0.0, 0.0], [4.0, -1.0, 4.0], [4.0, np.nan, 4.0]):
         equations.band[0] = diagonal
-        for attempt in (equations.solve, equations.inverse):
-            with pytest.raises(np.linalg.LinAlgError, match=r"not positive definite in row|not finite"):
-                attempt()
+        with pytest.raises(np.linalg.LinAlgError, match=r"not positive definite in row|not finite"):
+            equations.solve()
     equations.band[0], equations.band[1, 0] = 1.0, 2.0
-    for attempt in (equations.solve, equations.inverse):
-        with pytest.raises(np.linalg.LinAlgError, match="not positive definite in row 2"):
-            attempt()
+    with pytest.raises(np.linalg.LinAlgError, match="not positive definite in row 2"):
+        equations.solve()
     equations.band[1], equations.right[:] = 0.0, [1.0, np.inf, 1.0]
     with pytest.raises(np.linalg.LinAlgError, match="not finite"):
         equations.solve()
