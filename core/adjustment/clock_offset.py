@@ -24,6 +24,7 @@ from furrowmap.core.adjustment.yaw_ambiguity import (
     UPRIGHT_CELL_M,
     relief_of_scans,
     sum_of_halves,
+    take_into_cell,
 )
 from furrowmap.core.estimation.banded import Solution
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
@@ -267,12 +268,8 @@ def agreement_at(t_s, place_m, height_m, half, motion, offsets, per_m, count, to
             sin = motion[4, k] + share * (motion[4, k + 1] - motion[4, k])
             a = int(np.floor((e + cos * place_m[i, 0] - sin * place_m[i, 1]) * per_m)) & mask
             b = int(np.floor((north + sin * place_m[i, 0] + cos * place_m[i, 1]) * per_m)) & mask
-            if count[0, a, b] == 0 and count[1, a, b] == 0:
-                touched[used, 0], touched[used, 1] = a, b
-                used += 1
-            count[half[i], a, b] += 1
-            if len(height_m):
-                total[half[i], a, b] += height_m[i]
+            height = height_m[i] if len(height_m) else 0.0
+            used = take_into_cell(a, b, half[i], height, touched, used, count, total)
         product, squares, both = sum_of_halves(touched, used, count, total)
         out[number] = (product / squares if squares > 0.0 else 0.0) if len(height_m) else 2.0 * both / n
     return out

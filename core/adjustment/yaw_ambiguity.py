@@ -109,16 +109,15 @@ def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatAr
     def relief(turns: FloatArray) -> FloatArray:
         return _relief_in_both_halves(returns, parts(returns.t_s), knots, state, sensor_m, turns)
 
-    wide = _no_cells(WIDE_GRID)
-
     def shares(upright: UprightReturns, cell_m: float, turns: FloatArray) -> FloatArray:
         """(n, turns) share of upright returns that both halves of the scans have in one place."""
-        out = []
+        out, cells = [], _no_cells(WIDE_GRID)
         for part in parts(upright.t_s):
             vehicle, half = np.asarray(upright.xyz_m[part], np.float64), np.array(upright.half[part], np.int64)
             if len(half) >= MIN_YAW_UPRIGHT:
                 where = _origins_and_arms(np.array(upright.t_s[part]), vehicle, knots, state, sensor_m)
-                out.append(2.0 * turned_halves(*where, np.zeros(0), half, turns, 1.0 / cell_m, *wide)[:, 2] / len(half))
+                sums = turned_halves(*where, np.zeros(len(half)), half, turns, 1.0 / cell_m, *cells)
+                out.append(2.0 * sums[:, 2] / len(half))
         return np.array(out).reshape(-1, len(turns))
 
     def crop(turns: FloatArray) -> FloatArray:
@@ -250,7 +249,7 @@ def _no_cells(side: int) -> tuple[NDArray[np.int64], FloatArray]:
 def turned_halves(origin_m, arm_m, value, half, turns, per_m, count, total):  # type: ignore[no-untyped-def]
     """(k, 3) :func:`sum_of_halves` of returns (n,) at their origin plus their arm, both (n, 2), turned by angles (k,).
 
-    `value` (n,) or none; `count` and `total` as :func:`_no_cells`.
+    `value` (n,) is summed; `count` and `total` as :func:`_no_cells`.
     """
     mask = count.shape[1] - 1
     touched = np.empty((len(half), 2), np.int64)
@@ -261,14 +260,20 @@ def turned_halves(origin_m, arm_m, value, half, turns, per_m, count, total):  # 
         for i in range(len(half)):
             a = int(np.floor((origin_m[i, 0] + cos * arm_m[i, 0] - sin * arm_m[i, 1]) * per_m)) & mask
             b = int(np.floor((origin_m[i, 1] + sin * arm_m[i, 0] + cos * arm_m[i, 1]) * per_m)) & mask
-            if count[0, a, b] == 0 and count[1, a, b] == 0:
-                touched[used, 0], touched[used, 1] = a, b
-                used += 1
-            count[half[i], a, b] += 1
-            if len(value):
-                total[half[i], a, b] += value[i]
+            used = take_into_cell(a, b, half[i], value[i], touched, used, count, total)
         out[number, 0], out[number, 1], out[number, 2] = sum_of_halves(touched, used, count, total)
     return out
+
+
+@kernel_part()
+def take_into_cell(a, b, half, value, touched, used, count, total):  # type: ignore[no-untyped-def]
+    """Count a return of a half, and its value, in a cell; returns how many cells are `touched` (n, 2) then."""
+    if count[0, a, b] == 0 and count[1, a, b] == 0:
+        touched[used, 0], touched[used, 1] = a, b
+        used += 1
+    count[half, a, b] += 1
+    total[half, a, b] += value
+    return used
 
 
 @kernel_part()
