@@ -35,6 +35,7 @@ from furrowmap.exporters.farm.memory import DERIVED
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS
 from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.plain_files import open_lock
 from furrowmap.exporters.files.vector_layers import pyogrio, unflushed
 from furrowmap.exporters.vectors.field_layers import Columns, Layer
 from furrowmap.exporters.vectors.geopackage import GEOMETRY, read_layer, store_styles, write_layer
@@ -135,7 +136,7 @@ def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -
 
 def _try(lock: Path) -> int | None:
     """The descriptor of the file at `lock`, locked; None while another process has it."""
-    descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+    descriptor = open_lock(lock)
     with suppress(OSError):
         if sys.platform == "win32":
             import msvcrt

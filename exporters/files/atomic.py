@@ -15,6 +15,7 @@ from typing import Final
 from furrowmap.core.runtime.errors import FurrowmapError, RefusedError
 from furrowmap.exporters.files.lease import is_staged
 from furrowmap.exporters.files.owner import PATTERN, Owner, machine
+from furrowmap.exporters.files.plain_files import refuse_special
 
 _UNFINISHED: Final = re.compile(rf"\.furrowmap-({PATTERN})-[0-9a-f]{{8}}\b.*", re.DOTALL)
 
@@ -29,36 +30,46 @@ _LIBRARIES: Final = ("pyogrio", "rasterio", "sqlite3")
 
 
 @contextmanager
-def atomic_output(path: Path) -> Iterator[Path]:
+def atomic_output(path: Path, *, durable: bool = True) -> Iterator[Path]:
     """Write a file beside `path` and rename it to `path` at the end.
 
-    The file is flushed to the disk and replaces an older one in one step. If the work is interrupted, it is removed and
-    `path` is unchanged. Files that a killed process of this machine left in the folder are removed first. In a staging
-    folder nothing is flushed here: its files are, together, before they become products.
+    The file is flushed to the disk, unless it need not be `durable`, and replaces an older one in one step. If the work
+    is interrupted, it is removed and `path` is unchanged. A link at `path` is replaced, what it leads to is unchanged.
+    Files that a killed process of this machine left in the folder are removed first. In a staging folder nothing is
+    flushed here: its files are, together, before they become products.
 
-    Yields the path to write to: hidden, in the same folder, short, with the last suffix of `path`. Other files that a
-    library creates under a name that begins the same are removed at the end. Raises RefusedError if another program has
-    `path` open, on Windows.
+    Yields the path to write to: hidden, in the same folder, short, with the last suffix of `path`; nothing has that
+    name. Other files that a library creates under a name that begins the same are removed at the end. Raises InputError
+    if `path` is a folder, pipe, socket or device; RefusedError if another program has it open, on Windows.
     """
+    refuse_special(path)
     remove_abandoned(path.parent)
-    unfinished = path.with_name(f".furrowmap-{Owner.here().words()}-{secrets.token_hex(4)}{path.suffix[:16]}")
+    unfinished = _free_name(path)
+    flushed = durable and not is_staged(path)
     try:
         with name_failed_file(path):
             yield unfinished
-            staged = is_staged(path)
-            if not staged:
+            if flushed:
                 flush(unfinished)
             try:
                 move(unfinished, path)
             except PermissionError:
                 raise RefusedError("output-open", path=path) from None
-            if not staged:
+            if flushed:
                 flush_folder(path.parent)
     finally:
         for left in path.parent.iterdir():
             if left.name.startswith(unfinished.name):
                 with suppress(OSError):
                     left.unlink()
+
+
+def _free_name(path: Path) -> Path:
+    """A name for the unfinished file that nothing has, not even a link to nothing, and that nobody can guess."""
+    while True:
+        name = f".furrowmap-{Owner.here().words()}-{secrets.token_hex(4)}{path.suffix[:16]}"
+        if not os.path.lexists(path.with_name(name)):
+            return path.with_name(name)
 
 
 @contextmanager
@@ -77,8 +88,9 @@ def name_failed_file(path: Path) -> Iterator[None]:
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
-    """Check, before the work, that the output does not exist or may be replaced."""
-    if path.exists() and not overwrite:
+    """Check, before the work, that the output does not exist or may be replaced; InputError if it is no file."""
+    refuse_special(path)
+    if os.path.lexists(path) and not overwrite:
         raise RefusedError("output-exists.refuse-existing", path=path)
 
 

@@ -15,6 +15,7 @@ from typing import Any, Final, Self
 import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
+from furrowmap.exporters.files.plain_files import refuse_shared
 
 STATE: Final = ".batch.sqlite"
 _STATE_VERSION: Final = 1
@@ -122,7 +123,12 @@ class BatchState:
 
 @contextmanager
 def batch_state(path: Path | None) -> Iterator[BatchState]:
-    """The state in a file, made where missing; None if not kept. Raises InputError at a damaged or other version."""
+    """The state in a file, made where missing; None if not kept. Raises InputError at a damaged or other version.
+
+    Raises InputError as well for links at its names: it would change another file.
+    """
+    if path is not None:
+        refuse_shared(path)
     try:
         with closing(sqlite3.connect(path if path is not None else ":memory:")) as database:
             _prepare(database)

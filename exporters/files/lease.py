@@ -160,7 +160,7 @@ def _beat(file: Path, stopped: threading.Event) -> None:
         count += 1
         with suppress(OSError):
             # In its place, so that a full disk does not matter.
-            descriptor = os.open(file, os.O_WRONLY | os.O_CREAT)
+            descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
             try:
                 os.write(descriptor, f"{count:09} {platform.node()}".encode()[:200])
             finally:

@@ -21,15 +21,21 @@ from furrowmap.exporters.files.lease import (
     read_small,
     refuse_leased,
 )
+from furrowmap.exporters.files.plain_files import refuse_special
 
 _KEPT: Final = "kept.bin"
 
 
 def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -> None:
-    """Raise RefusedError if products of these names may not be replaced, or are open elsewhere, on Windows."""
-    there = [name for name in products if (folder / name).exists()]
+    """Raise RefusedError if products of these names may not be replaced, or are open elsewhere, on Windows.
+
+    Raises InputError if something else than a file has such a name.
+    """
+    there = [name for name in products if os.path.lexists(folder / name)]
     if there and not overwrite:
         raise RefusedError("output-exists.refuse-products", folder=folder, there=", ".join(there))
+    for name in there:
+        _refuse_taken(folder / name)
     refuse_open(folder / name for name in there)
 
 
@@ -108,8 +114,7 @@ def _commit(lease: Path, folder: Path) -> None:
     products = _products(staging)
     names = {path.as_posix() for path in products}
     for path in products:
-        if (folder / path).is_dir():
-            raise InputError("output-is-folder.refuse-taken", place=folder / path)
+        _refuse_taken(folder / path)
         for inner in (folder / part for part in _folders(path)):
             if os.path.lexists(inner) and not is_real_folder(inner):
                 raise InputError("output-no-folder", inner=inner)
@@ -128,6 +133,12 @@ def _commit(lease: Path, folder: Path) -> None:
     _put_in_place(lease, folder)
     flush_folder(folder)
     (lease / COMPLETE).unlink()
+
+
+def _refuse_taken(place: Path) -> None:
+    if place.is_dir():
+        raise InputError("output-is-folder.refuse-taken", place=place)
+    refuse_special(place)
 
 
 def _put_in_place(lease: Path, folder: Path) -> bool:
