@@ -47,17 +47,27 @@ def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shape
     rings = _rings(_lines(folder / BOUNDARY, unreadable), unreadable)
     if not rings:
         raise unreadable(f"{BOUNDARY} has no boundary")
-    angle = np.radians(lat_deg)
-    degree_m = np.array(  # metres per degree of longitude and of latitude, as AgOpenGPS has them
-        [
-            111412.84 * np.cos(angle) - 93.5 * np.cos(3 * angle) + 0.118 * np.cos(5 * angle),
-            111132.92 - 559.82 * np.cos(2 * angle) + 1.175 * np.cos(4 * angle) - 0.0023 * np.cos(6 * angle),
-        ]
-    )
-    origin = np.array([lon_deg, lat_deg])
-    outline, *holes = (origin + en_m / degree_m for _, en_m in rings)
+    origin = lon_deg, lat_deg
+    outline, *holes = (_lon_lat(en_m, origin) for _, en_m in rings)
     kept = [hole for (through, _), hole in zip(rings[1:], holes, strict=True) if not through]
     return shapely.Polygon(outline, kept)
+
+
+def _lon_lat(en_m: FloatArray, origin: tuple[float, float]) -> FloatArray:
+    """Longitude and latitude (n, 2) of places (n, 2) in the plane of a field, as AgOpenGPS (LocalPlane.cs) has them.
+
+    Metres per degree of latitude are those at the origin, of longitude those at the latitude of each place.
+    """
+    lon_deg, lat_deg = origin
+    at_origin = np.radians(lat_deg)
+    lat_degree_m = (
+        111132.92 - 559.82 * np.cos(2 * at_origin) + 1.175 * np.cos(4 * at_origin) - 0.0023 * np.cos(6 * at_origin)
+    )
+    place_lat_deg = lat_deg + en_m[:, 1] / lat_degree_m
+    angle = np.radians(place_lat_deg)
+    lon_degree_m = 111412.84 * np.cos(angle) - 93.5 * np.cos(3 * angle) + 0.118 * np.cos(5 * angle)
+    place: FloatArray = np.column_stack([lon_deg + en_m[:, 0] / lon_degree_m, place_lat_deg])
+    return place
 
 
 def _lines(path: Path, unreadable: Callable[[str], InputError]) -> list[str]:

@@ -25,6 +25,10 @@ _ATTRIBUTE_BYTES: Final = {"A": 4, "B": 4, "C": 4, "D": 1, "E": 2, "F": 2, "G": 
 """Bytes of each attribute of PTN: latitude, longitude, up, status, PDOP, HDOP, satellites, GPS time and day."""
 MAX_CHANNELS: Final = 256
 NOT_AVAILABLE: Final = 0x7FFFFFFF
+DAY_NOT_AVAILABLE: Final = 0xFFFE
+"""From this on a day is an error or not available."""
+ANY_DAY: Final = -1
+LONGEST_LOG_DAYS: Final = 366
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,8 @@ def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
     """A time log from the content of its two files.
 
     After damage (a byte was lost or added), reading resumes at the next two plausible records in a row; a notice counts
-    the bytes between. InputError if the header is invalid.
+    the bytes between. Records of before a terminal knows its date carry another day than the others, often 1980-01-01:
+    they are left out, and counted in a notice. InputError if the header is invalid.
     """
     layout = read_header(header, name)
     data = np.frombuffer(records, np.uint8)
@@ -110,10 +115,19 @@ def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
 
     width = 6 + sum(_ATTRIBUTE_BYTES[letter] for letter in layout.open)
     places = np.array([offset("A"), offset("B")], np.int64)
-    starts, lost, breaks = _find_records(data, width, places, len(layout.channels))
+    day = _usual_day(data, _find_records(data, width, places, len(layout.channels), ANY_DAY)[0])
+    found, dated, lost, breaks = _find_records(data, width, places, len(layout.channels), day)
+    starts = found[dated]
     n = len(starts)
-    count = int(data[starts + width].astype(np.int64).sum()) if n else 0
-    record, channel, value = _read_values(data, starts, width, count)
+    undated = len(found) - n
+    count = int(data[found + width].astype(np.int64).sum()) if len(found) else 0
+    record, channel, value = _read_values(data, found, width, count)
+    # Values hold until they change, so those of an undated record count from the next dated one on.
+    record = (np.cumsum(dated) - dated)[record]
+    held = record < n
+    record = record[held]
+    channel = channel[held]
+    value = value[held]
 
     def column(at: int, kind: str) -> NDArray[Any]:
         """Numbers (n,) at an offset of each record."""
@@ -147,8 +161,21 @@ def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
         record=record,
         channel=channel,
         value=value,
-        notices=(Notice("time-log-damaged", name=name, lost=lost, size=len(data), breaks=breaks),) * (lost > 0),
+        notices=(
+            *(Notice("time-log-damaged", name=name, lost=lost, size=len(data), breaks=breaks),) * (lost > 0),
+            *(Notice("time-log-undated", name=name, undated=undated, records=n + undated),) * (undated > 0),
+        ),
     )
+
+
+def _usual_day(data: NDArray[np.uint8], starts: NDArray[np.int64]) -> int:
+    """The median of the days of records at the offsets `starts` (n,), without unset ones where others are set."""
+    days = data[starts + 4].astype(np.int64) + (data[starts + 5].astype(np.int64) << 8)
+    stated = days[(days > 0) & (days < DAY_NOT_AVAILABLE)]
+    if not len(days):
+        return ANY_DAY
+    ordered = np.sort(stated if len(stated) else days)
+    return int(ordered[(len(ordered) - 1) // 2])  # one that occurs, where a mean of two would lie between them
 
 
 def read_header(data: bytes, name: str) -> RecordLayout:
@@ -212,28 +239,35 @@ def _day(data: Any, at: int) -> Any:
 
 
 @kernel()
-def _find_records(data: Any, width: int, offsets: Any, channels: int) -> Any:
-    """Offset of each record (n,), number of bytes that are not records, and in how many places.
+def _find_records(data: Any, width: int, offsets: Any, channels: int, day: int) -> Any:
+    """Offset of each record (n,), whether it is dated (n,), number of bytes that are not records, in how many places.
 
-    A record is plausible if its time is within a day, its position is on the Earth or missing, its values are among the
-    header's, and its day is within a year of the record before. After damage, reading resumes at the next two plausible
-    records in a row. `offsets` of latitude and longitude in a record are −1 if it has none.
+    A record is plausible if its time is within a day, its position is on the Earth or missing, and its values are among
+    the header's. Of another year than `day` (:data:`ANY_DAY` for none) it is undated if a plausible record or the end
+    of the file follows, else damage. After damage, reading resumes at the next two plausible records in a row.
+    `offsets` of latitude and longitude in a record are −1 if it has none.
     """
     size = len(data)
     starts = np.empty(size // (width + 1) + 1, np.int64)
-    n, at, lost, breaks = 0, np.int64(0), 0, 0
+    dated = np.empty(len(starts), np.bool_)
+    n = 0
+    at = np.int64(0)
+    lost = 0
+    breaks = 0
     broken = False
     while at < size:
         end = _record_end(data, at, width, offsets, channels)
         good = end > 0
-        if good and (broken or n > 0) and n > 0 and abs(_day(data, at) - _day(data, starts[n - 1])) > 366:
-            good = False  # a log does not span years: this is damage
         if good and broken:
             # after damage, resume at two records in a row on neighbouring days
             follower = _record_end(data, end, width, offsets, channels) if end < size else -1
             good = follower > 0 and abs(_day(data, end) - _day(data, at)) <= 1
+        is_dated = day == ANY_DAY or abs(_day(data, at) - day) <= LONGEST_LOG_DAYS
+        if good and not is_dated:
+            good = not broken and (end == size or _record_end(data, end, width, offsets, channels) > 0)
         if good:
             starts[n] = at
+            dated[n] = is_dated
             n += 1
             at = end
             broken = False
@@ -243,7 +277,7 @@ def _find_records(data: Any, width: int, offsets: Any, channels: int) -> Any:
             broken = True
             lost += 1
             at += 1
-    return starts[:n].copy(), lost, breaks
+    return starts[:n].copy(), dated[:n].copy(), lost, breaks
 
 
 @kernel()

@@ -255,6 +255,23 @@ def test_agopengps__a_folder_is_a_field(tmp_path: Path) -> None:
     assert field.outline.bounds[:2] == pytest.approx((140.02 - 50 / 89160, 36.87 - 40 / 110980), abs=1e-6)
 
 
+@pytest.mark.parametrize("corner_m", [(0.0, 0.0), (800.0, 800.0), (-3000.0, 3000.0), (3800.0, -5000.0)])
+def test_agopengps__metres_per_degree_are_those_of_the_latitude(corner_m: tuple[float, float], tmp_path: Path) -> None:
+    """Against the radii of curvature of the ellipsoid, by which AgOpenGPS's series are made."""
+    east_m, north_m = corner_m
+    text = f"{east_m},{north_m},0\n{east_m + 100},{north_m},0\n{east_m},{north_m + 100},0\n"
+    (field,) = read_fields(agopengps_folder(tmp_path, "$Boundary\nFalse\n3\n" + text))
+    lon, lat = 140.02, 36.87
+    squared = 0.00669437999014
+    meridian_m = 6378137.0 * (1 - squared) / (1 - squared * np.sin(np.radians(lat)) ** 2) ** 1.5
+    corner_lat = lat + np.degrees(north_m / meridian_m)
+    normal_m = 6378137.0 / np.sqrt(1 - squared * np.sin(np.radians(corner_lat)) ** 2)
+    corner_lon = lon + np.degrees(east_m / (normal_m * np.cos(np.radians(corner_lat))))
+    expected = shapely.Point(corner_lon, corner_lat)
+    nearest = min((shapely.Point(place) for place in field.outline.exterior.coords), key=expected.distance)
+    assert Geod(ellps="WGS84").geometry_length(shapely.LineString([expected, nearest])) < 0.05
+
+
 @pytest.mark.parametrize(
     ("boundary", "words"),
     [

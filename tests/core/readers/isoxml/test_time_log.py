@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.readers.isoxml.time_log import EPOCH_S, TimeLog, read_header, read_time_log
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.work.task_work import task_works
 from tests.core.readers.isoxml.time_logs import Record, header
 
 CHANNELS = [(67, "DET-1"), (141, "DET-1"), (116, "DET-2")]
@@ -222,7 +223,7 @@ def test_records__of_a_day_with_a_leap_second_within_a_year_of_each_other(second
 def test_damage__two_records_of_neighbouring_days_end_it(days_on: int, kept: int) -> None:
     position = {"A": 500_000_000, "B": 90_000_000, "D": 4}
     last_two = [Record(3000, 15_000, position), Record(4000, 15_000 + days_on, position)]
-    records = [Record(1000, 15_000, position), Record(2000, 20_000, position), *last_two]
+    records = [Record(1000, 15_000, position), Record(90_000_000, 15_000, position), *last_two]
     found = read(records)
     assert len(found) == 1 + kept
     size = len(records[0].pack())
@@ -240,3 +241,37 @@ def test_values__of_a_number_that_the_header_does_not_have_are_damage() -> None:
     position = {"A": 500_000_000, "B": 90_000_000, "D": 4}
     assert len(read([Record(1000, 15_000, position, {len(CHANNELS) - 1: 5})])) == 1
     assert len(read([Record(1000, 15_000, position, {len(CHANNELS): 5})])) == 0
+
+
+@pytest.mark.parametrize("day", [0, 1, 7305, 0xFFFF], ids=["1980", "1980-01-02", "2000-01-01", "not available"])
+@pytest.mark.parametrize("first", [1, 5, 49])
+def test_undated_records__cost_nothing_but_themselves(day: int, first: int) -> None:
+    """Terminals write the first records before they know the date; the values in them hold on."""
+    whole = drive(100)
+    undated = [Record(1000 * k, day, r.position, r.values | {0: 3000}) for k, r in enumerate(whole[:first])]
+    log = read_time_log(header(CHANNELS), b"".join(r.pack() for r in [*undated, *whole[first:]]), "TLG00001")
+    alone = read_time_log(header(CHANNELS), b"".join(r.pack() for r in whole[first:]), "TLG00001")
+    assert np.array_equal(log.clock_s, alone.clock_s)
+    assert np.array_equal(log.lat_deg, alone.lat_deg)
+    assert log.latest(0).tolist() == [3000.0] * (100 - first)
+    assert np.array_equal(log.latest(1), alone.latest(1))
+    assert [notice.code for notice in log.notices] == ["time-log-undated"]
+    assert f"{first} of 100 records" in log.notices[0].text
+
+
+def test_undated_records__of_a_whole_log_stay() -> None:
+    records = [Record(1000 * k, 0, {"A": 500_000_000, "B": 100_000_000, "D": 4}) for k in range(10)]
+    log = read_time_log(header(CHANNELS), b"".join(record.pack() for record in records), "TLG00001")
+    assert log.clock_s.tolist() == [EPOCH_S + k for k in range(10)]
+    assert log.notices == ()
+
+
+@pytest.mark.parametrize(("folder", "records"), [("first1980", 119), ("first5_1980", 115), ("ok", 120)])
+def test_undated_records__of_a_sample(folder: str, records: int, shared_data: Path) -> None:
+    task = shared_data / "foreign" / "03-isoxml-first-date" / folder
+    if not task.is_dir():
+        pytest.skip("the sample inputs of other software are not beside this checkout")
+    (work,) = task_works(task).works
+    assert len(work.task.track) == records
+    assert work.work.ground is not None
+    assert work.work.ground.coverage.area == pytest.approx(3.0 * 2.0 * (records - 1), rel=0.02)
