@@ -3,8 +3,9 @@
 import mmap
 import re
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path, PurePath
 from typing import Any, ClassVar, Final, TypeVar
@@ -34,6 +35,13 @@ from furrowmap.core.readers.rosbag.storage import (
     Db3Storage,
     McapStorage,
     Rosbag1Storage,
+)
+from furrowmap.core.readers.rosbag.topic_content import (
+    LOOKED_AT,
+    LOOKED_INTO,
+    SCAN_TYPES,
+    TopicContent,
+    is_second_scanner,
 )
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.readers.spinning.decoder import PacketDecoder
@@ -380,8 +388,6 @@ T = TypeVar("T")
 Log = TypeVar("Log", ros.FixLog, ros.SentenceLog, ros.ImuLog, ros.AttitudeLog, ImageLog)
 _DJI_NODES: Final = frozenset({"dji_sdk", "dji_osdk_ros"})
 _POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
-_SCAN_TYPES: Final = (*ros.PACKET_SCANS, *ros.LIVOX_CLOUDS, ros.POINT_CLOUD, ros.LASER_SCAN)
-"""Types of messages with scans, those preferred first."""
 
 
 @dataclass
@@ -393,11 +399,19 @@ class _Topic:
     messages: int
     first_ns: int
     last_ns: int
+    content: TopicContent = field(default_factory=TopicContent)
+    """Of topics with the type of a scanner or an IMU."""
 
     @property
     def is_dji(self) -> bool:
         """Whether it is of the autopilot, by DJI's node."""
         return not _DJI_NODES.isdisjoint(self.name.split("/"))
+
+
+def _preference(topic: _Topic, kinds: Sequence[str]) -> tuple[object, ...]:
+    """To sort topics by for one of these types: first one that is to be read."""
+    without_data, *content = topic.content.rank
+    return topic.is_dji, without_data, kinds.index(topic.type), *content, -topic.messages, topic.name
 
 
 class _RosBag(FileReader):
@@ -418,7 +432,7 @@ class _RosBag(FileReader):
 
     def scans(self) -> Iterator[Scan]:
         """The scans of the topic that `options` name, else of that with the most packets, point clouds, or sweeps."""
-        chosen = self._choose("laser scans", *_SCAN_TYPES, wanted=self.options.source)
+        chosen = self._choose("laser scans", *SCAN_TYPES, wanted=self.options.source)
         yield from self._scans(chosen, self._decoder(chosen))
 
     def track(self) -> GnssTrack:
@@ -512,6 +526,8 @@ class _RosBag(FileReader):
                 )
                 topic.messages += 1
                 topic.first_ns, topic.last_ns = min(topic.first_ns, now), max(topic.last_ns, now)
+                if topic.messages <= LOOKED_AT and topic.type in LOOKED_INTO:
+                    topic.content.look(message)
             self._add_notices(*files.notices)
             if not found:
                 why = " ".join(notice.text for notice in files.notices)
@@ -522,7 +538,8 @@ class _RosBag(FileReader):
     def _choose(self, what: str, *kinds: str, wanted: str | None = None) -> _Topic:
         """The topic to read for `what`: `wanted`, else of the first recorded type the one with the most messages.
 
-        An autopilot's topics come after those of other devices, which are recorded because they are more accurate.
+        Of types of scanners and IMUs it is the one that holds most of their data. An autopilot's topics come after
+        those of other devices, which are recorded because they are more accurate.
         """
         found = [topic for topic in self._found() if topic.type in kinds and wanted in (None, topic.name)]
         if not found:
@@ -535,7 +552,7 @@ class _RosBag(FileReader):
                 there=there,
                 kinds=" or ".join(kinds),
             )
-        chosen, *others = sorted(found, key=lambda t: (t.is_dji, kinds.index(t.type), -t.messages, t.name))
+        chosen, *others = sorted(found, key=lambda t: _preference(t, kinds))
         if others:
             rest = ", ".join(f"{topic.name} ({topic.messages})" for topic in others)
             source = self._source(chosen)
@@ -624,8 +641,10 @@ class _RosBag(FileReader):
     def _read(self, chosen: _Topic, take: Callable[[Any, BagMessage], T]) -> Iterator[T]:
         """`take` applied to each message of a topic; those that cannot be decoded are skipped and counted."""
         files = BagFiles(self.paths)
-        taken = damaged = 0
+        taken = 0
+        damaged = 0
         first = ""
+        lacking: Counter[str] = Counter()
         for message in files.messages({chosen.name}):
             self.share_read = files.share_read
             if message.type != chosen.type:
@@ -635,10 +654,19 @@ class _RosBag(FileReader):
             except Damage as damage:
                 damaged += 1
                 first = first or f"{damage}, received {iso_utc(message.received_ns * 1e-9)}"
+            except ros.NotMeasured as statement:
+                lacking[str(statement)] += 1
             else:
                 taken += 1
                 yield result
         self.share_read = files.share_read
+        if lacking:
+            quantity, count = lacking.most_common(1)[0]
+            key = "bag-not-measured.in_part" if taken else "bag-not-measured"
+            about = {"chosen": self._source(chosen), "no_rate": quantity == ros.RATE, "count": count}
+            if not taken:
+                raise InputError(key, **about)
+            self._add_notices(Notice(key, **about))
         if not taken:
             raise InputError("bag-undecodable", chosen=self._source(chosen), damaged=damaged, first=first)
         if damaged:
@@ -646,11 +674,15 @@ class _RosBag(FileReader):
             self._add_notices(Notice("bag-messages-damaged", source=source, damaged=damaged, first=first))
 
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        chosen = self._choose("laser scans", *_SCAN_TYPES, wanted=self.options.source)
+        chosen = self._choose("laser scans", *SCAN_TYPES, wanted=self.options.source)
         decoder = self._decoder(chosen)
         sizes = [len(scan) for scan in self._scans(chosen, decoder)]
         facts = {"topic": chosen.name, "scans": len(sizes), "points": sum(sizes)} | decoder.facts()
-        sensors = [topic.name for topic in self._found() if topic.type == chosen.type]
+        sensors = [
+            topic.name
+            for topic in self._found()
+            if topic is chosen or (topic.type == chosen.type and is_second_scanner(topic.content, chosen.content))
+        ]
         if len(sensors) > 1:
             facts["sensors"] = sensors
         nothing = ClockReading(self.clock, float("inf"), float("-inf"), _POINT_TIMES)

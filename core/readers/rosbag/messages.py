@@ -85,6 +85,21 @@ def livox_cloud(data: bytes, encoding: str) -> Any:
 
 
 NOT_MEASURED: Final = -1.0
+"""First value of a covariance whose quantity was not measured (sensor_msgs/Imu)."""
+
+RATE: Final = "angular velocity"
+FORCE: Final = "linear acceleration"
+
+
+class NotMeasured(Exception):
+    """A message states that it has no such quantity."""
+
+
+def unmeasured(content: Any) -> str:
+    """Which quantity an Imu message states not to have; empty if it has both."""
+    if content.angular_velocity_covariance[0] == NOT_MEASURED:
+        return RATE
+    return FORCE if content.linear_acceleration_covariance[0] == NOT_MEASURED else ""
 
 
 class _RowLog:
@@ -112,13 +127,9 @@ class ImuLog(_RowLog):
     frame_id = ""
 
     def add(self, content: Any, message: BagMessage) -> None:
-        """Add one message; Damage if its values are no numbers, or it states that a quantity was not measured."""
-        for name, covariance in (
-            ("angular velocity", content.angular_velocity_covariance),
-            ("linear acceleration", content.linear_acceleration_covariance),
-        ):
-            if covariance[0] == NOT_MEASURED:
-                raise Damage(f"its covariance states that it has no {name}")
+        """Add one message; Damage if its values are no numbers, NotMeasured if it states that it has no such values."""
+        if lacking := unmeasured(content):
+            raise NotMeasured(lacking)
         rate, force = content.angular_velocity, content.linear_acceleration
         values = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
         if not np.isfinite(values).all():

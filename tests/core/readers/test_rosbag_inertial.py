@@ -65,7 +65,37 @@ def test_quantities_not_measured__are_an_error(tmp_path: Path, without: str) -> 
     reader = RosBag2([write_bag2(tmp_path / "a", turning_imu(without=without))], ReadOptions())
     with pytest.raises(InputError, match=without.replace("_", " ")) as caught:
         reader.inertial()
-    assert caught.value.code == "bag-undecodable"
+    assert caught.value.code == "bag-not-measured"
+    assert len(reader.attitude()) == 40
+    assert reader.inspect().facts["imu"] == "none"
+
+
+@pytest.mark.parametrize("without", ["angular_velocity", "linear_acceleration"])
+def test_quantities_not_measured__another_topic_is_read(tmp_path: Path, without: str) -> None:
+    measured = [("/imu/raw", at_ns, message) for _, at_ns, message in turning_imu(12)]
+    bag = write_bag2(tmp_path / "a", [*turning_imu(without=without), *measured])
+    assert len(RosBag2([bag], ReadOptions()).inertial()) == 12
+
+
+def test_quantities_not_measured__in_part_are_left_out_and_counted(tmp_path: Path) -> None:
+    messages = [*turning_imu(40)[:30], *turning_imu(40, without="linear_acceleration")[30:]]
+    reader = RosBag2([write_bag2(tmp_path / "a", messages)], ReadOptions())
+    assert len(reader.inertial()) == 30
+    assert codes(reader) == ["bag-not-measured"]
+    assert "10 messages" in reader.notices[0].text
+
+
+def test_quantities_not_measured__of_a_sample(shared_data: Path) -> None:
+    bag = shared_data / "foreign" / "26-imu-covariance-minus-1" / "ins1.bag"
+    if not bag.is_file():
+        pytest.skip("the sample inputs of other software are not beside this checkout")
+    reader = RosBag1([bag], ReadOptions())
+    with pytest.raises(InputError) as caught:
+        reader.inertial()
+    assert caught.value.code == "bag-not-measured"
+    attitude = reader.attitude()
+    assert len(attitude) == 10
+    assert attitude.roll_deg[0] == pytest.approx(-0.8913, abs=1e-3)
 
 
 def test_orientation_not_measured__is_no_orientation(tmp_path: Path) -> None:
