@@ -91,6 +91,9 @@ class PacketSender:
         return (str(self.serial), address_of(self.sender), *address_of(self.sender).split(" to port "))
 
 
+MAKER: Final = "Ouster"
+
+
 class OusterSensor(NamedTuple):
     """A sender and the metadata of its sensor."""
 
@@ -100,7 +103,7 @@ class OusterSensor(NamedTuple):
     @property
     def name(self) -> str:
         """For messages."""
-        return f"{self.metadata.product}, {self.sender.name}"
+        return f"{self.metadata.product or MAKER}, {self.sender.name}"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -160,7 +163,9 @@ class OusterReader(FileReader, ABC):
         """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""
         if len(self._sensors) > 1:
             words = "; ".join(sensor.name for sensor in self._sensors)
-            example = next((str(m.serial) for _, m in self._sensors if m.serial), self._sensors[0].metadata.product)
+            example = next(
+                (str(m.serial) for _, m in self._sensors if m.serial), self._sensors[0].metadata.product or MAKER
+            )
             raise InputError("two-sensors.ouster", paths=self.name, words=words, example=example)
         return self._read(self.paths, self._decoder(), Counter())
 
@@ -336,7 +341,9 @@ def sensors_of(
         if sensors:
             there = "; ".join(sensor.name for sensor in sensors.values())
             raise InputError("ouster-other-sensor", path=path, model=model, there=there)
-        others = ", ".join(f"{m.name} ({m.product}, serial number {m.serial or 'not stated'})" for m in beside[0])
+        others = ", ".join(
+            f"{m.name} ({m.product or MAKER}, serial number {m.serial or 'not stated'})" for m in beside[0]
+        )
         raise InputError(
             "ouster-no-metadata",
             path=path,

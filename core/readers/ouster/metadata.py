@@ -110,7 +110,7 @@ class Metadata:
     """What the metadata of a sensor say.
 
     Attributes:
-        product: product line, such as "OS-1-32-U0".
+        product: product line, such as "OS-1-32-U0"; empty if it is not stated.
         init_id: number of the sensor's start in the headers of its packets; 0 if it is not stated.
         fusa: whether packets have the header of functional safety.
         timestamp_mode: what sets the clock, such as "TIME_FROM_PTP_1588"; empty if it is not stated.
@@ -216,10 +216,13 @@ class Metadata:
         )
 
     def fits(self, model: str) -> bool:
-        """Whether a model stated in a session is its product line or serial number."""
+        """Whether a model stated in a session may be it: its product line, its serial number, or the maker's name.
+
+        Metadata without a product line (firmware before 1.14, reduced ones) contradict no model.
+        """
         plain = "".join(c for c in model.casefold() if c.isalnum()).removeprefix("ouster")
         product = "".join(c for c in self.product.casefold() if c.isalnum())
-        return plain == str(self.serial) or (bool(plain) and product.startswith(plain))
+        return plain == str(self.serial) or not product or product.startswith(plain)
 
 
 def _table(said: Mapping[str, Any], *names: str) -> Mapping[str, Any]:
@@ -259,7 +262,7 @@ def _metadata(
     rate = mode.partition("x")[2]
     return Metadata(
         name,
-        str(info.get("prod_line") or "Ouster")[:40],
+        str(info.get("prod_line") or "")[:40],
         _whole(info.get("prod_sn")),
         _whole(info.get("initialization_id", info.get("init_id"))),
         str(info.get("build_rev") or "")[:40],

@@ -200,7 +200,7 @@ class OusterDecoder:
         """What `inspect` reports of the sensor."""
         m, counts = self.metadata, self.counts
         return {
-            "model": m.product,
+            "model": m.product or None,
             "serial": str(m.serial) if m.serial else None,
             "firmware": m.firmware,
             "metadata": m.name,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.readers.reader import Inspection, Recognised
+from furrowmap.core.readers.reader import GivesScans, Inspection, ReadOptions, Recognised, open_recording
 from furrowmap.core.runtime.errors import InputError
 
 SHARED_DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
@@ -54,3 +54,25 @@ def test_every_sample_is_inspected_or_refused(shared_data: Path, folder: str, th
             assert clock.first_s <= clock.last_s, path
         assert all(notice.code and notice.text.strip() for notice in answer.notices), path
     assert read >= readable
+
+
+SCANNERS = ("velodyne", "other_lidars", "rosbag", "foreign/22-ouster-init-model-Ouster")
+
+
+@pytest.mark.parametrize("folder", SCANNERS)
+def test_model__that_inspect_names_is_one_that_a_session_may_state(shared_data: Path, folder: str) -> None:
+    """`init` writes it into the session."""
+    named = 0
+    for path in samples(folder):
+        answer = inspected(path)
+        if isinstance(answer, InputError):
+            continue
+        scans = answer.facts.get("scans")
+        facts = scans if isinstance(scans, dict) else answer.facts
+        source = next(iter(facts.get("sensors") or [None]))
+        reader = open_recording([path], ReadOptions(model=facts.get("model"), source=source))
+        if not isinstance(reader, GivesScans) or answer.facts.get("scans") == "none":
+            continue
+        assert len(next(reader.scans())), path
+        named += facts.get("model") is not None
+    assert named or "foreign" in folder

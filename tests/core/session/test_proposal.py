@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.file import load_session, parse_session
@@ -272,3 +273,19 @@ def test_attitudes_without_an_imu__are_of_a_flight(shared_data: Path) -> None:
     assert session.antenna is not None
     assert session.antenna.xyz_m == (0.0, 0.0, 0.0)
     assert [word for word in ("axle", "tiller", "[implement]") if word in proposal.text] == []
+
+
+def test_ouster_without_product_line__gets_no_model(shared_data: Path, tmp_path: Path) -> None:
+    """Its metadata, of firmware before 1.14, name none, and every session with one was refused."""
+    folder = shared_data / "foreign" / "22-ouster-init-model-Ouster"
+    if not folder.is_dir():
+        pytest.skip("the sample inputs of other software are not beside this checkout")
+    for path in folder.iterdir():
+        shutil.copy(path, tmp_path)
+    proposal, session = proposed(tmp_path, tmp_path / "ouster_example.pcap", tmp_path / "gnss.nmea")
+    assert "model =" not in proposal.text
+    assert session.lidar.model is None
+    for stated in (None, "Ouster", "OS1-64"):
+        reader = open_recording([tmp_path / "ouster_example.pcap"], ReadOptions(model=stated))
+        assert isinstance(reader, GivesScans)
+        assert len(next(reader.scans()))
