@@ -66,8 +66,8 @@ class TopicContent:
         except Damage:
             return
         self.looked_at += 1
-        header = getattr(content, "header", None)
-        self.frame = self.frame or (str(header.frame_id) if hasattr(header, "frame_id") else "")
+        header: Any = getattr(content, "header", None)
+        self.frame = self.frame or str(getattr(header, "frame_id", ""))
         if ros.PACKET_SCANS.get(message.type) == "Ouster":
             self._look_at_packet(content)
         elif message.type == ros.IMU:
