@@ -1,5 +1,9 @@
-"""A recording as a stream of bytes, decompressed if its content is compressed, whatever its name."""
+"""A recording as a stream of bytes, decompressed if its content is compressed, text in UTF-16 as UTF-8.
 
+Content decides, not the name. Shells of Windows write redirected text in UTF-16.
+"""
+
+import codecs
 import io
 import lzma
 import sys
@@ -21,6 +25,11 @@ HEAD_BYTES = 1 << 16
 
 _MAGIC = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"\xfd7zXZ\x00": "xz"}
 _SUFFIX = {"gzip": ".gz", "zstd": ".zst", "xz": ".xz"}
+_UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_TEXT_LOOKED_AT = 1024
+"""Bytes that tell text in UTF-16 from binary data that begins like it."""
+_LEAST_TEXT = 8
+_PLAIN_SHARE = 0.9
 _RAW_BYTES = 1 << 18
 _PIECE_BYTES = 1 << 20
 
@@ -101,10 +110,11 @@ class Source(io.BufferedIOBase):
         self.size_bytes = path.stat().st_size
         self.fault = ""
         self._raw: BinaryIO = path.open("rb")
-        magic = self._raw.read(6)
+        head = self._raw.read(_TEXT_LOOKED_AT)
         self._raw.seek(0)
-        self.compression = next((name for start, name in _MAGIC.items() if magic.startswith(start)), "")
-        self._pieces = self._decompressed() if self.compression else iter(())
+        self.compression = next((name for start, name in _MAGIC.items() if head.startswith(start)), "")
+        self._is_plain = not self.compression and not utf16_encoding(head)
+        self._pieces = _as_utf8(self._decompressed() if self.compression else iter(self._read_raw, b""))
         self._piece = memoryview(b"")
 
     def readable(self) -> bool:
@@ -130,12 +140,15 @@ class Source(io.BufferedIOBase):
 
     def _next(self, size: int) -> bytes | memoryview:
         """At most `size` bytes; none at the end."""
-        if not self.compression:
+        if self._is_plain:
             return self._raw.read(size)
         if not self._piece:
             self._piece = memoryview(next(self._pieces, b""))
         block, self._piece = self._piece[:size], self._piece[size:]
         return block
+
+    def _read_raw(self) -> bytes:
+        return self._raw.read(_PIECE_BYTES)
 
     def _decompressed(self) -> Iterator[bytes]:
         """All content before a truncation; the file objects of the libraries lose the last part of it."""
@@ -175,6 +188,38 @@ class Piece(Source):
     def __init__(self, data: bytes) -> None:
         self.path, self.size_bytes, self.fault, self.compression = Path("stream"), len(data), "", ""
         self._raw = io.BytesIO(data)
+        self._is_plain = True
+
+
+def utf16_encoding(head: bytes) -> str:
+    """The encoding of text in UTF-16 that begins with `head`, with or without a byte order mark; "" for other content.
+
+    Text of recordings is mostly ASCII, by which it is told from binary data that begins with the same two bytes.
+    """
+    head = head[: _TEXT_LOOKED_AT // 2 * 2]
+    marked = _UTF16.get(head[:2], "")
+    for encoding in [marked] if marked else _UTF16.values():
+        text = head[: len(head) // 2 * 2].decode(encoding, "replace").removeprefix("\ufeff")
+        plain = sum(character.isascii() and (character.isprintable() or character.isspace()) for character in text)
+        if len(text) >= _LEAST_TEXT and plain > _PLAIN_SHARE * len(text):
+            return encoding
+    return ""
+
+
+def _as_utf8(pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """The pieces of a stream, those of text in UTF-16 in UTF-8."""
+    first = next(pieces, b"")
+    encoding = utf16_encoding(first)
+    if not encoding:
+        yield first
+        yield from pieces
+        return
+    decoder = codecs.getincrementaldecoder(encoding)("replace")
+    yield decoder.decode(first).removeprefix("\ufeff").encode()
+    for piece in pieces:
+        text = decoder.decode(piece)
+        if text:  # none of half a character, and no bytes are the end
+            yield text.encode()
 
 
 def look(path: Path) -> Head:

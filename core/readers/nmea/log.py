@@ -21,10 +21,18 @@ from furrowmap.core.geodesy.gravity import GEOID_SIGMA_M, coarse_geoid_m
 from furrowmap.core.readers.epochs import MAX_BACKWARD_SHARE, midnight_utc_s, midnights_utc_s
 from furrowmap.core.readers.inertial_rows import attitude_track
 from furrowmap.core.readers.messages import paired
-from furrowmap.core.readers.nmea.sentences import FIELDS, Kind, SentenceCounts, Sentences, read_sentences, scan_bytes
+from furrowmap.core.readers.nmea.sentences import (
+    FIELDS,
+    Kind,
+    SentenceCounts,
+    Sentences,
+    are_checked,
+    read_sentences,
+    scan_bytes,
+)
 from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
 from furrowmap.core.readers.reader import recording_name
-from furrowmap.core.readers.source import Head
+from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
@@ -51,7 +59,8 @@ ZERO_SIGMAS: Final = 2.0
 class NmeaLog(PositionLog):
     """The positions in a log of NMEA 0183 sentences.
 
-    Sentences may begin at every ``$`` and need a valid checksum, so noise and binary messages between them are skipped.
+    Sentences may begin at every ``$`` and need a valid checksum, so noise and binary messages between them are skipped;
+    in a log without checksums they end with their line.
     The height above the ellipsoid is altitude + geoid separation. Times are UTC; the date comes from RMC or ZDA, else
     from `ReadOptions.date` or `ReadOptions.near_s`.
     """
@@ -65,7 +74,7 @@ class NmeaLog(PositionLog):
         if b"$" not in head.data:
             return 0.0
         counts = SentenceCounts()
-        sentences, _ = scan_bytes(head.data, counts)
+        sentences, _ = scan_bytes(head.data, counts, checked=are_checked(head.data))
         share = counts.message_bytes / len(head.data)
         if len(sentences) and share >= MAX_OTHER_SHARE:
             return 0.9
@@ -94,8 +103,11 @@ class NmeaLog(PositionLog):
         counts = SentenceCounts()
         parts: list[Sentences] = []
         ends: list[int] = []
+        checked = are_checked(self._piece if self._piece is not None else look(paths[0]).data)
+        if not checked:
+            self.notices.append(Notice("sentences-unchecked", name=recording_name(paths)))
         for source in self._sources(paths):
-            parts += read_sentences(source, counts)
+            parts += read_sentences(source, counts, checked=checked)
             ends.append(counts.stream_bytes)
         return Sentences.joined(parts), counts, ends
 

@@ -2,7 +2,8 @@
 
 A sentence is ``$``, its address and fields, ``*`` and two hexadecimal digits: the exclusive or of all characters
 between ``$`` and ``*`` (NMEA 0183, section 5.3). The scanner tries every ``$`` and does not split lines, because noise,
-binary messages and truncated sentences may directly precede intact ones.
+binary messages and truncated sentences may directly precede intact ones. Before version 3.0 the checksum was optional:
+in a log without any, a sentence ends with its line.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from furrowmap.core.readers.messages import MessageCounts, scan_stream
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.kernels import kernel
 
+LEAST_UNCHECKED: Final = 2
+"""Sentences without a checksum that a log has at least, if it is one without any."""
 MAX_SENTENCE_BYTES: Final = 512
 """Maximum distance in bytes from ``$`` to ``*``; the standard allows 82, proprietary sentences are longer."""
 
@@ -111,15 +114,26 @@ class SentenceCounts(MessageCounts[str]):
     behind_cut: int = 0
 
 
-def read_sentences(source: Source, counts: SentenceCounts) -> list[Sentences]:
+def are_checked(data: bytes) -> bool:
+    """Whether the sentences of a log that begins with `data` have checksums: False only if none has one."""
+    strict = SentenceCounts()
+    scan_bytes(data, strict)
+    if strict.intact or strict.bad or not strict.cut:
+        return True
+    lenient = SentenceCounts()
+    found, _ = scan_bytes(data, lenient, checked=False)
+    return len(found) < LEAST_UNCHECKED
+
+
+def read_sentences(source: Source, counts: SentenceCounts, *, checked: bool = True) -> list[Sentences]:
     """The sentences of a stream from its current position, piece by piece.
 
-    `counts` are updated; the length of streams before is added to :attr:`Sentences.at`.
+    `counts` are updated; the length of streams before is added to :attr:`Sentences.at`. See :func:`are_checked`.
     """
     found = []
 
     def scan(piece: bytes, base: int, last: bool) -> int:
-        sentences, used = scan_bytes(piece, counts, base, last=last)
+        sentences, used = scan_bytes(piece, counts, base, last=last, checked=checked)
         found.append(sentences)
         return used
 
@@ -127,11 +141,13 @@ def read_sentences(source: Source, counts: SentenceCounts) -> list[Sentences]:
     return found
 
 
-def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool = True) -> tuple[Sentences, int]:
+def scan_bytes(
+    data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool = True, checked: bool = True
+) -> tuple[Sentences, int]:
     """The sentences in `data`, and the number of bytes that are done with.
 
     `counts` are updated, but for `stream_bytes`. If the piece is not the last, an unfinished sentence at its end is
-    left for the next one.
+    left for the next one. Unless they are `checked`, sentences without a checksum count as intact.
     """
     room = data.count(b"$") + data.count(b"$PUBX,00,")
     kind = np.empty(room, np.int8)
@@ -140,7 +156,7 @@ def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool
     values = np.full((room, COLUMNS), np.nan)
     address = np.zeros((room, 8), np.uint8)
     sums = np.zeros(4, np.int64)
-    rows, sentences, used = _scan(np.frombuffer(data, np.uint8), last, kind, talker, at, values, address, sums)
+    rows, sentences, used = _scan(np.frombuffer(data, np.uint8), last, checked, kind, talker, at, values, address, sums)
     names, times = np.unique(address[:sentences].view("S8"), return_counts=True)
     counts.kinds.update({bytes(n).decode("ascii"): int(c) for n, c in zip(names, times, strict=True)})
     counts.bad += int(sums[_BAD])
@@ -184,7 +200,7 @@ _SMALL_A, _SMALL_F = np.int64(ord("a")), np.int64(ord("f"))
 
 @kernel()
 def _scan(
-    data: Any, last: Any, kind: Any, talker: Any, at: Any, values: Any, address: Any, counts: Any
+    data: Any, last: Any, checked: Any, kind: Any, talker: Any, at: Any, values: Any, address: Any, counts: Any
 ) -> tuple[np.int64, int, int | np.int64]:
     """Fill the arrays; number of rows of known kinds, of intact sentences, and of bytes done with."""
     size = len(data)
@@ -224,6 +240,13 @@ def _scan(
             stopped = end >= size or data[end] < 32 or data[end] > 126 or data[end] == _DOLLAR
         else:
             stopped = True
+        if not checked and _line_end(data, end) > 0 and _is_address(data, i + 1, end):
+            counts[_BYTES] += end - i + _line_end(data, end)
+            _take_address(data, i + 1, end, address[sentences])
+            sentences += 1
+            rows += _take(data, i, end, begin, kind, talker, at, values, rows)
+            i = end
+            continue
         if _is_address(data, i + 1, end):
             counts[_CUT if stopped else _BAD] += 1
             counts[_BYTES] += end - i + _line_end(data, end)

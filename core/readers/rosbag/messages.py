@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_track
 from furrowmap.core.readers.nmea.log import assemble
-from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, scan_bytes
+from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, are_checked, scan_bytes
 from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, decompress_message
 from furrowmap.core.readers.velodyne.captures import PACKET_BYTES
@@ -361,15 +361,18 @@ class SentenceLog:
         def place(at: int) -> str:
             return f"{source}, message {self._message(np.array([at]))[0]}"
 
-        sentences = scan_bytes(b"".join(self._lines), SentenceCounts())[0]
-        return assemble(sentences, source, date=date, near_s=self._first_s, place=place)
+        return assemble(self._sentences(), source, date=date, near_s=self._first_s, place=place)
 
     def delay_s(self) -> float:
         """Median of the reception of sentences minus the times in them."""
-        sentences = scan_bytes(b"".join(self._lines), SentenceCounts())[0]
+        sentences = self._sentences()
         timed = sentences[(sentences.kind == Kind.GGA) | (sentences.kind == Kind.GNS)]
         received = np.array(self._received_s)[self._message(timed.at)]
         return float(np.nanmedian(received - nearest_in_cycle(timed.values[:, 0], received, DAY_S)))
+
+    def _sentences(self) -> Sentences:
+        data = b"".join(self._lines)
+        return scan_bytes(data, SentenceCounts(), checked=are_checked(data))[0]
 
     def _message(self, at: NDArray[np.int64]) -> NDArray[np.intp]:
         """Index of the message with each byte (n,) of the stream."""

@@ -771,3 +771,57 @@ def test_geoid_separation__far_from_the_geoid_is_told(tmp_path: Path, separation
     )
     log.track()
     assert ("geoid-separation" in codes(log)) == told
+
+
+def without_checksums(log: bytes, star: bytes) -> bytes:
+    return b"".join(line.rpartition(b"*")[0] + star + b"\r\n" for line in log.splitlines() if b"*" in line)
+
+
+@pytest.mark.parametrize("star", [b"", b"*"])
+def test_unchecked__positions_are_those_of_the_log_with_checksums(star: bytes, tmp_path: Path) -> None:
+    """Before version 3.0 of NMEA 0183 checksums were optional."""
+    lines = [gga(f"0930{k:02d}.00", 30.0 + 1e-4 * k) + rmc(f"0930{k:02d}.00", "120526") for k in range(30)]
+    whole = b"".join(lines)
+    checked = NmeaLog([write(tmp_path, whole)], ReadOptions())
+    bare = NmeaLog([write(tmp_path, without_checksums(whole, star), name="bare.nmea")], ReadOptions())
+    for name in GnssTrack.columns():
+        assert np.array_equal(getattr(bare.track(), name), getattr(checked.track(), name), equal_nan=True)
+    assert codes(bare) - codes(checked) == {"sentences-unchecked"}
+    assert NmeaLog.recognise(look(tmp_path / "bare.nmea")) == NmeaLog.recognise(look(tmp_path / "log.nmea"))
+
+
+def test_unchecked__a_sentence_cut_by_the_end_or_the_next_one_is_not_used(tmp_path: Path) -> None:
+    lines = [gga(f"0930{k:02d}.00") + rmc(f"0930{k:02d}.00", "120526") for k in range(10)]
+    bare = without_checksums(b"".join(lines), b"")
+    cut = bare[:-20] + b"$GNGGA,093010.00,3530.0" + without_checksums(gga("093011.00"), b"")[:-2]
+    assert NmeaLog([write(tmp_path, cut)], ReadOptions()).track().t_s[-1] == utc("2026-05-12T09:30:09")
+
+
+def test_unchecked__only_logs_without_any_checksum(tmp_path: Path) -> None:
+    bare = without_checksums(b"".join(gga(f"0930{k:02d}.00") for k in range(10)), b"")
+    reader = NmeaLog([write(tmp_path, rmc("093000.00", "120526"), gga("093000.00"), bare)], ReadOptions())
+    assert len(reader.track()) == 1
+    assert "sentences-unchecked" not in codes(reader)
+
+
+@pytest.mark.parametrize(
+    ("name", "epochs"),
+    [
+        ("14-nmea-without-checksum/nochk.nmea", 10),
+        ("14-nmea-without-checksum/star_only.nmea", 10),
+        ("14-nmea-without-checksum/utf16.nmea", 20),
+        ("25-nmea-without-checksums/hp58534a.log", 2),
+        ("25-nmea-without-checksums/nmea_no_checksum.nmea", 2),
+    ],
+)
+def test_unchecked__samples(name: str, epochs: int, shared_data: Path) -> None:
+    path = shared_data / "foreign" / name
+    if not path.is_file():
+        pytest.skip("the sample inputs of other software are not beside this checkout")
+    track = track_of(path)
+    assert len(track) == epochs
+    if name.startswith("14"):
+        assert (track.lat_deg[0], track.lon_deg[0]) == (52.0, 10.0)
+    if "hp58534a" in name:  # by gpsd's own fields of the sentences
+        assert (track.lat_deg[0], track.lon_deg[0]) == pytest.approx((-33.817228333, 18.732136667), abs=1e-8)
+        assert track.height_m[0] == pytest.approx(115.4 + 33.3)

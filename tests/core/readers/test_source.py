@@ -114,3 +114,26 @@ def test_look__refuses_what_holds_nothing(tmp_path: Path, make, code: str) -> No
         look(path)
     assert error.value.code == code
     assert len(error.value.lines) == 3
+
+
+@pytest.mark.parametrize("kind", PACK)
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("mark", ["\ufeff", ""])
+@pytest.mark.parametrize("size", [7, 1 << 20])
+def test_source__text_in_utf_16_comes_as_utf_8(tmp_path: Path, kind: str, encoding: str, mark: str, size: int) -> None:
+    text = "time_unix_s,圃場\r\n" + "1780000000.25,0.5\r\n" * (2000 if size == 7 else 200_000)
+    path = tmp_path / "a"
+    path.write_bytes(PACK[kind]((mark + text).encode(encoding)))
+    assert read_all(path, size) == (text.encode(), "")
+    assert look(path).data == text.encode()[: 1 << 16]
+
+
+@given(st.binary(max_size=600), st.sampled_from([b"\xff\xfe", b"\xfe\xff", b"", b"\0"]))
+def test_source__binary_data_stay_as_they_are(
+    tmp_path_factory: pytest.TempPathFactory, data: bytes, head: bytes
+) -> None:
+    """Also behind the bytes that mark UTF-16."""
+    content = head + b"\x01\x9c\xff\x00" * 200 + data
+    path = tmp_path_factory.mktemp("binary") / "a"
+    path.write_bytes(content)
+    assert read_all(path, 1 << 16) == (content, "")
