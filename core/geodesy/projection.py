@@ -31,7 +31,7 @@ from pyproj.transformer import TransformerGroup
 from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
-from furrowmap.core.runtime.foreign_content import binary_kind
+from furrowmap.core.runtime.file_signatures import binary_kind
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
 

@@ -14,7 +14,7 @@ import numpy as np
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.foreign_content import binary_kind
+from furrowmap.core.runtime.file_signatures import binary_kind
 
 TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
 """Columns of time, the preferred one first, and their time scales."""

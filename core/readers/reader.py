@@ -12,12 +12,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 from furrowmap.core.readers.agopengps import PARTS, is_field_folder
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.foreign_content import SIGNATURES
+from furrowmap.core.runtime.file_signatures import BINARY, binary_kind, file_kind
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
@@ -267,21 +267,6 @@ def readers() -> tuple[type[Reader], ...]:
     return tuple(found)
 
 
-_STRANGERS: Final = {
-    **SIGNATURES,
-    **dict.fromkeys(
-        (b"GRIDDED CORRECTION", b"for SemiDynaEXE", b"for PatchJGD", b"JGD2000-TokyoDatum"),
-        "a coordinate transformation parameter file (.par), which a session names under [crs]",
-    ),
-}
-_RECEIVERS_OWN: Final = {
-    b"\xb5\x62": "a u-blox receiver's own messages (UBX)",
-    b"$@": "a Septentrio receiver's own messages (SBF)",
-    b"\xd3\x00": "corrections or raw observations (RTCM 3)",
-}
-"""First bytes of unsupported formats; those of the second table have positions that can be exported."""
-
-
 def _unknown(head: Head) -> InputError:
     """The error of a file that no reader recognises, with a guess at its format."""
     if is_field_folder(head.path) or any(part in head.data[:256] for part in PARTS):
@@ -290,15 +275,15 @@ def _unknown(head: Head) -> InputError:
         return InputError(
             "unknown-format.unknown", head=head.path, readers="; ".join(sorted(reader.title for reader in readers()))
         )
-    own = next((words for start, words in _RECEIVERS_OWN.items() if head.data.startswith(start)), "")
-    like = own or next((words for start, words in _STRANGERS.items() if head.data.startswith(start)), "")
-    if not like:
-        printable = sum(32 <= b < 127 or b in b"\r\n\t" for b in head.data[:4096])
-        like = "text" if printable > 0.95 * min(len(head.data), 4096) else ""
+    kind = file_kind(head.data)
+    if kind is not None:
+        return InputError("unknown-format.named", head=head.path, name=kind.name, remedy=kind.remedy)
+    content = BINARY if binary_kind(head.data) is not None else "it looks like text"
+    if head.compression:
+        content = f"{head.compression}, content unpacked: {content}"
     return InputError(
         "unknown-format",
         head=head.path,
-        own=f"it looks like {like}" if like else "binary data",
-        own_is=bool(own),
+        own=content,
         readers="; ".join(sorted(reader.title for reader in readers())),
     )

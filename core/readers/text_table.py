@@ -14,7 +14,7 @@ import numpy as np
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.foreign_content import binary_kind
+from furrowmap.core.runtime.file_signatures import binary_kind
 from furrowmap.core.runtime.memory import expect_disk, expect_growth, expect_memory
 
 ZIP: Final = b"PK\3\4"

@@ -24,7 +24,7 @@ from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_layer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
-from furrowmap.core.runtime.foreign_content import binary_kind
+from furrowmap.core.runtime.file_signatures import binary_kind
 
 
 @dataclass(frozen=True)

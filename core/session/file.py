@@ -16,7 +16,7 @@ import msgspec
 from msgspec.inspect import is_struct_type
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.foreign_content import LOOKED_AT, binary_kind
+from furrowmap.core.runtime.file_signatures import LOOKED_AT, binary_kind
 from furrowmap.core.session.camera import camera_faults
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
 from furrowmap.core.values.machine import MachineImplement

@@ -27,7 +27,7 @@ from furrowmap.core.readers.exif import read_image_table
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.foreign_content import binary_kind
+from furrowmap.core.runtime.file_signatures import binary_kind
 from furrowmap.core.session.file import load_session
 from furrowmap.core.simulator.scenario import load_scenario
 

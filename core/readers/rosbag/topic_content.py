@@ -4,7 +4,7 @@ Drivers publish other things under the same types: an Ouster's inertial packets 
 radar and filtered copies of a scan as PointCloud2, orientations without rates as Imu.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +20,8 @@ LOOKED_AT: Final = 8
 SCAN_TYPES: Final = (*ros.PACKET_SCANS, *ros.LIVOX_CLOUDS, ros.POINT_CLOUD, ros.LASER_SCAN)
 """Types of messages with scans, those preferred first."""
 LOOKED_INTO: Final = (*SCAN_TYPES, ros.IMU)
+COPY_SHARE: Final = 0.95
+"""A filtered copy has less than this share of the points of the scan."""
 SIBLING_SHARE: Final = 0.1
 """A second scanner of the same type has at least this share of the points of the first in a message."""
 
@@ -35,6 +37,7 @@ class TopicContent:
         timed: whether its points have times.
         ringed: whether its points have the number of their laser.
         frame: frame of coordinates that the messages name; empty for none.
+        stamps: in the headers of the messages.
     """
 
     looked_at: int = 0
@@ -43,6 +46,7 @@ class TopicContent:
     timed: bool = False
     ringed: bool = False
     frame: str = ""
+    stamps: set[float] = field(default_factory=set)
 
     @property
     def has_data(self) -> bool:
@@ -67,7 +71,9 @@ class TopicContent:
             return
         self.looked_at += 1
         header: Any = getattr(content, "header", None)
-        self.frame = self.frame or str(getattr(header, "frame_id", ""))
+        if header is not None:
+            self.frame = self.frame or str(header.frame_id)
+            self.stamps.add(ros.seconds(header.stamp))
         if ros.PACKET_SCANS.get(message.type) == "Ouster":
             self._look_at_packet(content)
         elif message.type == ros.IMU:
@@ -99,10 +105,13 @@ class TopicContent:
 def is_second_scanner(other: TopicContent, chosen: TopicContent) -> bool:
     """Whether a topic of the same type is of another scanner than the chosen one: not of a filtered copy, or a radar.
 
-    Copies have the frame of the scanner; tracks are few, and have no times or lasers where scans do.
+    A copy has the frame, the stamps and fewer points than the scan that it was made from; tracks are few, and have no
+    times or lasers where scans do.
     """
     if not other.has_data or (other.timed, other.ringed) < (chosen.timed, chosen.ringed):
         return False
-    if other.frame and other.frame == chosen.frame:
+    same_time = not other.stamps.isdisjoint(chosen.stamps)
+    fewer = other.points_per_message < COPY_SHARE * chosen.points_per_message
+    if other.frame == chosen.frame and same_time and fewer:
         return False
     return other.points_per_message >= SIBLING_SHARE * chosen.points_per_message

@@ -82,14 +82,14 @@ def test_receivers_own_formats__without_an_intact_message_are_named(start: bytes
     (tmp_path / "log").write_bytes(start + bytes(range(200)))
     error = refused(tmp_path / "log")
     assert words in error.what
-    assert "Export NMEA (GGA, RMC, GST)" in error.remedy
+    assert "Export NMEA 0183 (GGA, RMC, GST)" in error.remedy
 
 
 def test_promise_02__other_formats_are_named(shared_data: Path, tmp_path: Path) -> None:
     (tmp_path / "base.rtcm3").write_bytes(bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98"))
     assert "RTCM 3" in refused(tmp_path / "base.rtcm3").what
     (tmp_path / "SemiDyna2026.par").write_text("for SemiDynaEXE    Ver.1.0.0\n")
-    assert "which a session names under [crs]" in refused(tmp_path / "SemiDyna2026.par").what
+    assert "Name it in a session under [crs]" in refused(tmp_path / "SemiDyna2026.par").remedy
 
 
 def test_folder__without_a_bag_is_reported_as_one(tmp_path: Path) -> None:
