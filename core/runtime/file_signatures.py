@@ -147,7 +147,6 @@ LOOKED_AT: Final = 4096
 _TEXT_CONTROLS: Final = b"\t\n\v\f\r\x1a"
 _MOST_CONTROLS: Final = 0.02
 """Share of control characters from which content is no text in any encoding."""
-TEXT: Final = "text"
 BINARY: Final = "binary data"
 
 
