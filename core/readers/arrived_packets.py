@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -20,8 +21,13 @@ ByteArray = NDArray[np.uint8]
 Packet = tuple[int, int, int]
 """Where the payload of a packet begins in its block, its length, and nanoseconds since 1970 of its arrival."""
 
-_MAX_WAITING: Final = 4096
-"""Blocks that wait to be looked at, at most."""
+_MAX_BYTES: Final = 64 << 20
+_MAX_PACKETS: Final = 200_000
+"""That wait to be looked at, at most: a second of the fastest scanners."""
+_UNREAD_HEAD: Final = 3
+_HESAI_HEAD: Final = b"\xee\xff"
+_OUSTER_LIDAR: Final = b"\1\0"
+"""What data packets of an Ouster begin with, those of old firmware excepted."""
 _PAUSE_S: Final = 1.0
 """After a longer time without packets none are counted as missing: the scanner sent none, or its cable was out."""
 _APART_S: Final = 0.1
@@ -42,30 +48,52 @@ class ArrivedPackets:
         unread: maker of a scanner whose packets no reader decodes; empty for none.
         lost: number of missing data packets.
         pps: state of the pulse per second in the last position packet; empty without one.
+        most_bytes: that wait to be looked at, at most; what comes in excess is left out.
     """
 
     maker: str = ""
     unread: str = ""
     lost: int = 0
     pps: str = ""
-    _waiting: deque[tuple[bytearray, list[Packet]]] = field(default_factory=deque, repr=False)
+    most_bytes: int = _MAX_BYTES
+    _waiting: deque[tuple[bytes, list[Packet]]] = field(default_factory=deque, repr=False)
+    _added: tuple[int, int] = (0, 0)
+    """Bytes and packets that were added since the last look."""
+    _is_cut: bool = False
     _last: NDArray[np.int64] | None = None
     _open_turn: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
     _turns: int | None = None
     _turn_packets: int = 0
     """Packets of the fullest turn."""
     _arrived: int = 0
+    _lost_before: int = 0
 
-    def add(self, block: bytearray, packets: list[Packet]) -> None:
+    def add(self, block: bytes, packets: list[Packet]) -> None:
         """Keep the packets in a block for `look`. Another thread may call it."""
-        if len(self._waiting) < _MAX_WAITING:
-            self._waiting.append((block, packets))
+        size, number = self._added
+        if size + len(block) > self.most_bytes or number + len(packets) > _MAX_PACKETS:
+            self._is_cut = True
+            return
+        self._added = (size + len(block), number + len(packets))
+        self._waiting.append((block, packets))
 
     def look(self) -> None:
-        """Look at the packets that were added."""
-        if len(self._waiting) >= _MAX_WAITING:  # some were left out
-            self._last = None
-        blocks, packets, size = list[bytearray](), list[Packet](), 0
+        """Look at the packets that were added.
+
+        They are gone also where looking fails, which hostile packets may do: the next ones are looked at afresh.
+        """
+        try:
+            self._look()
+        except BaseException:
+            self._begin_anew()
+            raise
+
+    def _look(self) -> None:
+        if self._is_cut:  # some were left out: they are not missing
+            self._is_cut = False
+            self._begin_anew()
+        self._added = (0, 0)
+        blocks, packets, size = list[bytes](), list[Packet](), 0
         for _ in range(len(self._waiting)):
             block, inside = self._waiting.popleft()
             packets += [(size + at, length, arrived_ns) for at, length, arrived_ns in inside]
@@ -87,7 +115,16 @@ class ArrivedPackets:
             self.maker = "Ouster"
             self._follow_turns(data, offset[turned], legacy=data_lengths()[int(length[turned][0])])
         elif not self.maker:
-            self.unread = _unread_maker(data[offset[-1] : offset[-1] + length[-1]].tobytes())
+            head = data[offset[-1] : offset[-1] + min(length[-1], _UNREAD_HEAD)].tobytes()
+            self.unread = _unread_maker(head, int(length[-1]))
+
+    def _begin_anew(self) -> None:
+        """Follow the next packets without those before."""
+        self._last = None
+        self._lost_before = self.lost
+        self._arrived = 0
+        self._turns = None
+        self._open_turn = np.empty(0, np.int64)
 
     def _follow_spinning(
         self, maker: Maker, product: IntArray, data: ByteArray, offset: IntArray, length: IntArray, arrived_ns: IntArray
@@ -132,11 +169,33 @@ class ArrivedPackets:
         self._turns = (self._turns or 0) + len(packets) if len(ends) else self._turns
         self._turn_packets = max([self._turn_packets, *packets.tolist()])
         self._arrived += int(packets.sum())
-        self.lost = (self._turns or 0) * self._turn_packets - self._arrived
+        self.lost = self._lost_before + (self._turns or 0) * self._turn_packets - self._arrived
 
 
-def _unread_maker(payload: bytes) -> str:
+@cache
+def _data_lengths() -> frozenset[int]:
+    """Lengths of data packets of all makers that are read."""
+    spinning = {size for maker in (VELODYNE, HESAI) for model in maker.models for size in model.layout.lengths}
+    return frozenset(spinning | data_lengths().keys())
+
+
+def packet_maker(payload: bytes | memoryview) -> str:
+    """The maker of the scanner that a packet is of; empty for packets that are not, or do not show it."""
+    if len(payload) in _data_lengths() or payload[:2] == _HESAI_HEAD:
+        data = np.frombuffer(payload, np.uint8)
+        offset = np.zeros(1, np.int64)
+        length = np.full(1, len(data))
+        for maker in (VELODYNE, HESAI):
+            if maker.products(data, offset, length)[0] >= 0:
+                return maker.name
+        legacy = data_lengths().get(len(data))
+        if legacy or (legacy is False and bytes(data[:2]) == _OUSTER_LIDAR):
+            return "Ouster"
+    return _unread_maker(bytes(payload[:_UNREAD_HEAD]), len(payload))
+
+
+def _unread_maker(head: bytes, size: int) -> str:
     """Livox (SDK2: version 0, then the length) or RoboSense (55 AA), by the beginning of a packet; else empty."""
-    if payload.startswith(b"\x55\xaa"):
+    if head.startswith(b"\x55\xaa"):
         return "RoboSense"
-    return "Livox" if payload[:1] == b"\0" and payload[1:3] == len(payload).to_bytes(2, "little") else ""
+    return "Livox" if head[:1] == b"\0" and head[1:3] == size.to_bytes(2, "little") else ""

@@ -71,7 +71,18 @@ class ArrivedPositions:
             self._arrived_s = arrived_s
 
     def look(self) -> None:
-        """Look at the bytes that were added."""
+        """Look at the bytes that were added.
+
+        They are gone also where looking fails, which hostile bytes may do: the next ones are looked at afresh.
+        """
+        try:
+            self._look()
+        except BaseException:
+            with self._lock:
+                self._bytes.clear()
+            raise
+
+    def _look(self) -> None:
         with self._lock:
             data, arrived_s = bytes(self._bytes), self._arrived_s
             self._bytes.clear()

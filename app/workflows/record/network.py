@@ -4,25 +4,23 @@ import selectors
 import socket
 import struct
 import sys
-import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
-from furrowmap.core.readers.arrived_packets import ArrivedPackets, Packet
 from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.simulator.capture import HEADERS, frame_head
-from furrowmap.workflows.record.storage import Series, Storage
+from furrowmap.workflows.record.senders import Senders
+from furrowmap.workflows.record.storage import Storage
 
 USUAL_PORTS: Final = (2368, 8308, 10110, 7502, 7503, 56301, 56401, 6699, 7788)
 """Of Velodyne and Hesai (data, positions of each), Ouster and Livox (data, IMU), and RoboSense (data, settings)."""
 BUFFER_BYTES: Final = 8 << 20
 """Asked for each socket: seconds of a scanner, for moments in which this machine does something else."""
 AMPLE_BYTES: Final = 1 << 20
-MAX_SENDERS: Final = 16
-"""Each has its files, and a hostile network must not make thousands."""
 MAX_HEADS: Final = 4096
 MAX_PACKETS: Final = 4096
 """That are taken from one port before the others have their turn."""
@@ -78,32 +76,6 @@ class Port:
                 self.dropped = MEMINFO.unpack(memory)[-1]
 
 
-@dataclass
-class Sender:
-    """What sends packets from one address: a scanner, or anything else.
-
-    Attributes:
-        series: the captures of its packets.
-        target: address of this machine's interface to it.
-        ports: that it sends to.
-        packets: number of its packets.
-        last_s: when the last one was taken, by the monotonic clock.
-        arrived: what its packets say.
-        block: records of a capture that are not handed on yet.
-        block_packets: the packets in it.
-    """
-
-    address: str
-    series: Series
-    target: str
-    ports: set[int] = field(default_factory=set)
-    packets: int = 0
-    last_s: float = 0.0
-    arrived: ArrivedPackets = field(default_factory=ArrivedPackets)
-    block: bytearray = field(default_factory=bytearray, repr=False)
-    block_packets: list[Packet] = field(default_factory=list, repr=False)
-
-
 class ScannerNetwork:
     """Receives the packets of all ports in a thread, and lets them be written.
 
@@ -112,29 +84,30 @@ class ScannerNetwork:
 
     Args:
         ports: each with the number of its scanner: one address may have several.
-        new_series: the series of captures of an address and a scanner.
-
-    Attributes:
-        senders: by address and scanner.
-        ignored: packets of further senders than `MAX_SENDERS`.
+        senders: whose packets are recorded.
+        told: is called by the thread where it was ended by an exception, before it begins again.
     """
 
-    def __init__(self, ports: Sequence[Port], storage: Storage, new_series: Callable[[str, int], Series]) -> None:
+    def __init__(
+        self,
+        ports: Sequence[Port],
+        storage: Storage,
+        senders: Senders,
+        told: Callable[[SupervisedThread], None] = lambda _: None,
+    ) -> None:
         self.ports = ports
-        self.senders: dict[tuple[str, int], Sender] = {}
-        self.ignored = 0
-        self._storage, self._new_series = storage, new_series
+        self.senders = senders
+        self._storage = storage
         self._pause_s = 0.01 if all(port.granted_bytes >= AMPLE_BYTES for port in ports) else 0.002
         self._heads: dict[tuple[tuple[str, int], int, int], bytes] = {}
         self._payload = memoryview(bytearray(1 << 16))
-        self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._receive, daemon=True)
-        self._thread.start()
+        self.thread = SupervisedThread("packets", self._receive, told)
+        self.thread.ensure()
 
     def stop(self) -> None:
         """Take what has arrived, and end."""
-        self._stopped.set()
-        self._thread.join()
+        self.thread.stop()
+        self._hand_on()
         for port in self.ports:
             port.socket.close()
 
@@ -144,17 +117,24 @@ class ScannerNetwork:
                 selector.register(port.socket, selectors.EVENT_READ, port)
             ended = False
             while not ended:
-                ended = self._stopped.is_set()
+                ended = self.thread.stopping.is_set()
                 for key, _ in selector.select(0.0 if ended else 0.25):
                     self._take(key.data)
-                now_s = time.monotonic()
-                for sender in self.senders.values():
-                    if sender.block:
-                        sender.last_s = now_s
-                        sender.arrived.add(sender.block, sender.block_packets)
-                        self._storage.put(sender.series, sender.block, now_s)
-                        sender.block, sender.block_packets = bytearray(), []
+                self._hand_on()
                 time.sleep(self._pause_s)
+
+    def _hand_on(self) -> None:
+        """Let the packets that were taken be written: first that, then they are looked at."""
+        now_s = time.monotonic()
+        for sender in list(self.senders.known.values()):
+            if sender.block:
+                block = bytes(sender.block)
+                packets = sender.block_packets
+                self._storage.put(sender.series, block, now_s)
+                sender.block.clear()
+                sender.block_packets = []
+                sender.last_s = now_s
+                sender.arrived.add(block, packets)
 
     def _take(self, port: Port) -> None:
         """Take the packets that wait at a port."""
@@ -165,12 +145,12 @@ class ScannerNetwork:
                     arrived = divmod(time.time_ns(), 10**9)
                 else:
                     size, stamps, _, source = port.socket.recvmsg_into([self._payload], STAMP_SPACE)
-                    arrived = TIMESPEC.unpack(stamps[0][2]) if stamps else divmod(time.time_ns(), 10**9)
+                    arrived = _arrival(stamps)
             except OSError:  # no packet waits, or the network is down
                 return
-            sender = self.senders.get((source[0], port.scanner)) or self._new_sender(source, port)
+            payload = self._payload[:size]
+            sender = self.senders.admitted(source, port.scanner, payload)
             if sender is None:
-                self.ignored += 1
                 continue
             head = self._heads.get((source, port.number, size))
             if head is None:
@@ -179,22 +159,18 @@ class ScannerNetwork:
                 head = frame_head(source, (sender.target, port.number), size)
                 self._heads[source, port.number, size] = head
                 sender.ports.add(port.number)
-            block = sender.block
-            block += PCAP_RECORD.pack(*arrived, HEADERS + size, HEADERS + size)
-            block += head
-            sender.block_packets.append((len(block), size, arrived[0] * 10**9 + arrived[1]))
-            block += self._payload[:size]
+            # The record in one step: an exception between its parts would damage all that follow in the capture.
+            record = PCAP_RECORD.pack(*arrived, HEADERS + size, HEADERS + size) + head
+            at = len(sender.block) + len(record)
+            sender.block += record + payload
+            sender.block_packets.append((at, size, arrived[0] * 10**9 + arrived[1]))
             sender.packets += 1
 
-    def _new_sender(self, source: tuple[str, int], port: Port) -> Sender | None:
-        if len(self.senders) >= MAX_SENDERS:
-            return None
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as towards:
-            try:
-                towards.connect(source)
-                target = str(towards.getsockname()[0])
-            except OSError:  # no route back
-                target = "255.255.255.255"
-        sender = Sender(source[0], self._new_series(source[0], port.scanner), target)
-        self.senders[source[0], port.scanner] = sender
-        return sender
+
+def _arrival(stamps: Sequence[tuple[int, int, bytes]]) -> tuple[int, int]:
+    """Seconds and nanoseconds since 1970 at which a packet arrived: the kernel's, or where it gives none, now."""
+    for _, _, stamp in stamps:
+        if len(stamp) == TIMESPEC.size:
+            seconds, nanoseconds = TIMESPEC.unpack(stamp)
+            return seconds & 0xFFFFFFFF, nanoseconds
+    return divmod(time.time_ns(), 10**9)

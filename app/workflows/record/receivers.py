@@ -1,159 +1,200 @@
-"""GNSS receivers at serial devices, TCP servers and UDP ports: their bytes as they arrive."""
+"""GNSS receivers: their bytes as they arrive."""
 
-import os
-import re
-import select
-import socket
-import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
-from typing import Final, TypeAlias
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
 
 from furrowmap.core.readers.arrived_positions import ArrivedPositions
-from furrowmap.core.runtime.errors import UsageError
-from furrowmap.workflows.record.storage import Series, Storage
+from furrowmap.core.runtime.supervised import SupervisedThread
+from furrowmap.core.values.gnss import Fix
+from furrowmap.workflows.record.gnss_source import GnssSource, Piece
+from furrowmap.workflows.record.series import Series
+from furrowmap.workflows.record.storage import Storage
 
-Read: TypeAlias = Callable[[], bytes]
-"""Returns what arrived, or nothing after `WAIT_S`. Raises OSError where the connection has ended."""
-
-WAIT_S: Final = 0.25
 REOPEN_S: Final = 1.0
 """Between two attempts to open a source."""
-CONNECTION_SILENT_S: Final = 10.0
-"""Without bytes a TCP connection is opened anew: a server that lost its power says no farewell."""
-USUAL_BAUD: Final = 115_200
-_NETWORK: Final = re.compile(r"(tcp|udp)://([^:/\s]*):(\d{1,5})/?")
-_SERIAL_SOURCE: Final = re.compile(r"([^:]+?)(?::(\d+))?")
-_PIECE: Final = 1 << 16
+MAX_BYTES_PER_S: Final = 1 << 20
+"""Several times what any receiver sends. What a server sends faster is read later; a UDP port loses it."""
+BURST_S: Final = 4.0
+"""What waited for so long is read at once."""
+WAITING_BYTES: Final = 16 << 20
+"""Of a receiver in memory, where the disk takes nothing."""
+MAX_SENDERS: Final = 4
+"""To one UDP port that are recorded until one of them gives a position."""
+MAX_CANDIDATE_BYTES: Final = 16 << 20
+SILENT_S: Final = 10.0
+"""A sender that is silent for so long gives its place to another one with positions."""
+MAX_NAMED: Final = 1000
+STOP_S: Final = 10.0
 
 
-@dataclass(frozen=True)
-class GnssSource:
-    """Where a receiver is: "serial" by device and baud, "tcp" or "udp" by host ("" for all of UDP) and port."""
+@dataclass(eq=False)
+class Stream:
+    """What comes from one sender.
 
-    kind: str
-    name: str
-    number: int
+    Attributes:
+        last_s: when the last bytes arrived, by the monotonic clock.
+        received: number of bytes.
+    """
 
-    @classmethod
-    def parse(cls, text: str) -> "GnssSource":
-        """The place in a text: DEVICE, DEVICE:BAUD, tcp://HOST:PORT or udp://:PORT. Raises UsageError."""
-        network, serial = _NETWORK.fullmatch(text), _SERIAL_SOURCE.fullmatch(text)
-        if network and 0 < int(network[3]) < 1 << 16 and (network[2] or network[1] == "udp"):
-            return cls(network[1], network[2], int(network[3]))
-        if serial and "//" not in text and sys.platform != "win32":
-            import termios
-
-            baud = int(serial[2] or USUAL_BAUD)
-            if hasattr(termios, f"B{baud}"):
-                return cls("serial", serial[1], baud)
-        raise UsageError("usage.gnss-source", text=text)
-
-    @contextmanager
-    def open(self) -> Iterator[Read]:
-        """Open it. Raises OSError."""
-        if self.kind == "serial":
-            with _serial(self.name, self.number) as read:
-                yield read
-            return
-        if self.kind == "tcp":
-            connection = socket.create_connection((self.name, self.number), 5.0)
-        else:
-            connection = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        with closing(connection):
-            if self.kind == "udp":
-                connection.bind((self.name, self.number))
-            connection.settimeout(WAIT_S)
-            heard_s = time.monotonic()
-
-            def read() -> bytes:
-                nonlocal heard_s
-                try:
-                    data = connection.recv(_PIECE)
-                except TimeoutError:
-                    if self.kind == "tcp" and time.monotonic() - heard_s > CONNECTION_SILENT_S:
-                        raise
-                    return b""
-                if not data and self.kind == "tcp":
-                    raise ConnectionResetError(None, "the connection was closed")
-                heard_s = time.monotonic()
-                return data
-
-            yield read
-
-
-@contextmanager
-def _serial(device: str, baud: int) -> Iterator[Read]:
-    """A serial device: eight bits, no parity, as bytes. Raises OSError."""
-    if sys.platform == "win32":
-        raise OSError(None, "serial devices need Linux or macOS")
-    else:
-        import termios
-        import tty
-
-        descriptor = os.open(device, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
-        try:
-            try:
-                tty.setraw(descriptor)
-                attributes = termios.tcgetattr(descriptor)
-                attributes[2] |= termios.CLOCAL | termios.CREAD
-                attributes[4] = attributes[5] = getattr(termios, f"B{baud}")
-                termios.tcsetattr(descriptor, termios.TCSANOW, attributes)
-            except termios.error as error:
-                raise OSError(*error.args) from None
-
-            def read() -> bytes:
-                if not select.select([descriptor], [], [], WAIT_S)[0]:
-                    return b""
-                data = os.read(descriptor, _PIECE)
-                if not data:
-                    raise ConnectionResetError(None, "the device was removed")
-                return data
-
-            yield read
-        finally:
-            os.close(descriptor)
+    series: Series
+    last_s: float
+    received: int = 0
+    arrived: ArrivedPositions = field(default_factory=ArrivedPositions)
 
 
 class GnssReceiver:
     """Reads a GNSS receiver in a thread and lets its bytes be written; a source that is lost is opened again.
 
-    Attributes:
+    A UDP port takes messages of any sender. Those of a few are recorded, each in its own logs, until one gives a
+    position; from then on only its own are, and those of others are counted.
+
+    Args:
         source: as the user named it.
-        series: the logs.
-        arrived: what the bytes say.
+        new_series: the logs of a sender: of the first one with the empty text, of others with their address.
+        told: is called by the thread where it was ended by an exception, before it begins again.
+
+    Attributes:
         fault: why the source cannot be opened, or was lost; empty while it is open.
-        last_s: when the last bytes arrived, by the monotonic clock; the start before any.
+        is_flooded: whether more came in the last seconds than a receiver sends.
+        foreign: messages of other senders, which are not recorded.
+        foreign_of: the addresses that sent them; of a thousand at most.
     """
 
-    def __init__(self, source: str, storage: Storage, series: Series) -> None:
-        self.source, self.series = source, series
-        self.arrived = ArrivedPositions()
+    def __init__(
+        self,
+        source: str,
+        storage: Storage,
+        new_series: Callable[[str], Series],
+        told: Callable[[SupervisedThread], None] = lambda _: None,
+    ) -> None:
+        self.source = source
         self.fault = ""
-        self.last_s = time.monotonic()
-        self._where, self._storage = GnssSource.parse(source), storage
-        self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._receive, daemon=True)
-        self._thread.start()
+        self.foreign = 0
+        self.foreign_of: dict[str, None] = {}
+        self.flooded_s = -SILENT_S
+        self._where = GnssSource.parse(source)
+        self._storage = storage
+        self._new_series = new_series
+        self._begun_s = time.monotonic()
+        self._streams: dict[str, Stream] = {}
+        self._chosen: str | None = None
+        self._used: list[Series] = []
+        self._due_s = 0.0
+        self.thread = SupervisedThread(f"GNSS receiver {source}", self._receive, told)
+        self.thread.ensure()
+
+    @property
+    def stream(self) -> Stream | None:
+        """That of the sender that is used; None before any."""
+        streams = dict(self._streams)
+        return streams.get(self._chosen or "", next(iter(streams.values()), None))
+
+    @property
+    def arrived(self) -> ArrivedPositions:
+        """What the bytes that are used say."""
+        stream = self.stream
+        return stream.arrived if stream is not None else ArrivedPositions()
+
+    @property
+    def files(self) -> list[str]:
+        """The logs of the senders that were used, in their order."""
+        used = self._used or [stream.series for stream in [self.stream] if stream is not None]
+        return [name for series in used for name in series.files]
+
+    @property
+    def all_series(self) -> list[Series]:
+        """The logs of all senders."""
+        return [stream.series for stream in list(self._streams.values())]
+
+    @property
+    def last_s(self) -> float:
+        """When the last bytes of the sender that is used arrived, by the monotonic clock; the start before any."""
+        stream = self.stream
+        return stream.last_s if stream is not None else self._begun_s
+
+    @property
+    def sender(self) -> str:
+        """The address that is used; empty for sources that have one only, or before it is known."""
+        return self._chosen or ""
+
+    def look(self) -> None:
+        """Look at what arrived, and choose the sender. Whatever hostile bytes raise, all were looked at."""
+        failed: Exception | None = None
+        for stream in list(self._streams.values()):
+            try:
+                stream.arrived.look()
+            except Exception as error:  # noqa: BLE001 (of one sender; the others must be looked at)
+                failed = error
+        self._choose()
+        if failed is not None:
+            raise failed
 
     def stop(self) -> None:
         """End reading."""
-        self._stopped.set()
-        self._thread.join()
+        self.thread.stop(STOP_S)
+
+    def _choose(self) -> None:
+        now_s = time.monotonic()
+        chosen = self._streams.get(self._chosen) if self._chosen is not None else None
+        if chosen is not None and now_s - chosen.last_s < SILENT_S:
+            return
+        for sender, stream in list(self._streams.items()):
+            if stream.arrived.fix is not Fix.NONE and now_s - stream.last_s < SILENT_S:
+                self._chosen = sender
+                if stream.series not in self._used:
+                    self._used.append(stream.series)
+                return
 
     def _receive(self) -> None:
-        while not self._stopped.is_set():
+        while not self.thread.stopping.is_set():
             try:
                 with self._where.open() as read:
                     self.fault = ""
-                    while not self._stopped.is_set():
-                        if data := read():
-                            self.last_s = time.monotonic()
-                            self._storage.put(self.series, data, self.last_s)
-                            self.arrived.add(data, time.time())
-            except OSError as error:
-                self.fault = error.strerror or str(error)
-                self._stopped.wait(REOPEN_S)
+                    while not self.thread.stopping.is_set():
+                        piece = read()
+                        if piece.data:
+                            self._take(piece)
+            except (OSError, UnicodeError) as error:  # a resolver may refuse names otherwise than by an OSError
+                self.fault = getattr(error, "strerror", None) or str(error) or type(error).__name__
+                self.thread.stopping.wait(REOPEN_S)
+
+    def _take(self, piece: Piece) -> None:
+        now_s = time.monotonic()
+        stream = None if piece.is_foreign else self._stream_of(piece.sender)
+        if stream is None:
+            self.foreign += 1
+            if len(self.foreign_of) < MAX_NAMED:
+                self.foreign_of[piece.sender] = None
+            return
+        stream.last_s = now_s
+        stream.received += len(piece.data)
+        self._storage.put(stream.series, piece.data, now_s)
+        stream.arrived.add(piece.data, time.time())
+        self._keep_pace(len(piece.data), now_s)
+
+    def _stream_of(self, sender: str) -> Stream | None:
+        """Where the bytes of a sender go; None where they are not recorded."""
+        stream = self._streams.get(sender)
+        chosen = self._streams.get(self._chosen) if self._chosen is not None else None
+        if stream is chosen and stream is not None:
+            return stream
+        if chosen is not None and time.monotonic() - chosen.last_s < SILENT_S:
+            return None
+        if stream is None:
+            if len(self._streams) >= MAX_SENDERS:
+                return None
+            series = self._new_series(sender if self._streams else "")
+            series.most_waiting_bytes = WAITING_BYTES
+            stream = Stream(series, time.monotonic())
+            self._streams[sender] = stream
+        has_room = stream.received < MAX_CANDIDATE_BYTES or len(self._streams) == 1
+        return stream if has_room else None
+
+    def _keep_pace(self, size: int, now_s: float) -> None:
+        """Wait where more comes than a receiver sends: its disk and processor time are bounded."""
+        self._due_s = max(self._due_s, now_s - BURST_S) + size / MAX_BYTES_PER_S
+        if self._due_s > now_s:
+            self.flooded_s = now_s
+            self.thread.stopping.wait(self._due_s - now_s)

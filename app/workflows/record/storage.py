@@ -7,14 +7,15 @@ import queue
 import shutil
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final
 
-from furrowmap.exporters.files.atomic import atomic_output, flush_folder
-
-Block: TypeAlias = bytes | bytearray
+from furrowmap.core.runtime.supervised import StopFlag, SupervisedThread
+from furrowmap.exporters.files.atomic import flush_folder
+from furrowmap.workflows.record.series import Block, Series
+from furrowmap.workflows.record.small_files import SmallFiles
 
 SYNC_S: Final = 0.5
 """Between two flushes: with the time that one takes, this is what a power cut loses."""
@@ -22,129 +23,68 @@ RETRY_S: Final = 1.0
 RESERVE_BYTES: Final = 32 << 20
 RESERVE_SHARE: Final = 0.01
 """Space that is left for session, status and log: the smaller of a number of bytes and a share of the disk."""
-WAITING_BYTES: Final = 256 << 20
-"""Blocks that wait in memory for the disk, at most: minutes of a scanner."""
+_IDLE_S: Final = 0.25
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT)
-
-
-@dataclass
-class Series:
-    """The files of one source, such as `lidar-192.168.1.201-0001.pcap`, written one after the other.
-
-    Attributes:
-        head: what every file begins with.
-        roll_s: age of a file from which on the next one is begun.
-        roll_bytes: size of a file from which on the next one is begun.
-        files: names of all files with content, also those of an earlier recording into the same folder.
-        written: bytes of all blocks of this recording.
-        descriptor: of the open file; None for none.
-    """
-
-    folder: Path
-    stem: str
-    suffix: str
-    head: bytes = b""
-    roll_s: float = math.inf
-    roll_bytes: float = math.inf
-    files: list[str] = field(default_factory=list)
-    written: int = 0
-    descriptor: int | None = None
-    _number: int = 0
-    _size: int = 0
-    _begun_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        for path in sorted(self.folder.glob(f"{self.stem}-[0-9]*{self.suffix}")):
-            self._number = int(path.stem.rpartition("-")[2])
-            if path.stat().st_size > len(self.head):
-                self.files.append(path.name)
-
-    @property
-    def is_done(self) -> bool:
-        """Whether the next block begins a file."""
-        old = time.monotonic() - self._begun_s >= self.roll_s
-        return self.descriptor is None or old or self._size >= self.roll_bytes
-
-    def begin(self) -> None:
-        """Begin the next file. Raises OSError."""
-        self._number += 1
-        flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_BINARY", 0)
-        self.descriptor = os.open(self.folder / self._name, flags, 0o644)
-        self._size, self._begun_s = 0, time.monotonic()
-
-    def append(self, block: Block) -> None:
-        """Append a block to the open file: the whole of it, or if that fails nothing. Raises OSError."""
-        assert self.descriptor is not None
-        data = block if self._size else self.head + block
-        done = 0
-        try:
-            while done < len(data):
-                done += os.write(self.descriptor, memoryview(data)[done:])
-        except OSError:
-            with suppress(OSError):
-                os.ftruncate(self.descriptor, self._size)
-                os.lseek(self.descriptor, self._size, os.SEEK_SET)
-            raise
-        if not self._size:
-            self.files.append(self._name)
-        self._size += len(data)
-        self.written += len(block)
-
-    @property
-    def _name(self) -> str:
-        return f"{self.stem}-{self._number:04d}{self.suffix}"
 
 
 class Storage:
     """Writes blocks to series of files in one thread, and flushes them in another.
 
     A full or failing disk ends neither thread: writing is tried again each second. Meanwhile blocks wait in memory, up
-    to `WAITING_BYTES`; further ones are discarded and counted.
+    to the bound of their series; further ones are discarded and counted. Series have turns, a block each.
+
+    Args:
+        told: is called by a thread that was ended by an exception, before it begins again.
 
     Attributes:
-        waiting_bytes: in memory.
+        small: session, status and log.
         discarded_bytes: for which there was no memory, or at the end no disk.
-        fault: why the disk takes nothing; empty if it does.
         most_unsynced_s: the longest time that a power cut at the worst moment would have lost.
+        threads: the two.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, told: Callable[[SupervisedThread], None] = lambda _: None) -> None:
         self.folder = folder
-        self.waiting_bytes = self.discarded_bytes = 0
-        self.fault = ""
+        self.small = SmallFiles(folder)
+        self.discarded_bytes = 0
         self.most_unsynced_s = 0.0
-        self._blocks: queue.SimpleQueue[tuple[Series, Block, float] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
-        self._closing, self._drained = threading.Event(), threading.Event()
-        self._series: dict[str, Series] = {}
-        self._changed: dict[str, int] = {}
+        self._wake: queue.SimpleQueue[None] = queue.SimpleQueue()
+        self._draining = StopFlag()
+        self._drained = StopFlag()
+        self._series: dict[Series, None] = {}
+        self._changed: dict[Series, int] = {}
         self._has_new_files = False
         self._retired: list[int] = []
-        self._oldest_s = self._flushing_s = math.inf
-        self._texts: dict[str, tuple[str, bool]] = {}
-        self._lines: list[str] = []
-        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._write_blocks, self._flush_often)]
-        for thread in self._threads:
-            thread.start()
+        self._oldest_s = math.inf
+        self._flushing_s = math.inf
+        self._writer = SupervisedThread("writer", self._write_blocks, told)
+        self._flusher = SupervisedThread("flusher", self._flush_often, told)
+        self.threads = (self._writer, self._flusher)
+        for thread in self.threads:
+            thread.ensure()
 
     def put(self, series: Series, block: Block, received_s: float) -> None:
         """Let a block be written whose first byte was received at that time of the monotonic clock."""
         with self._lock:
-            if self.waiting_bytes + len(block) > WAITING_BYTES:
-                self.discarded_bytes += len(block)
+            if series.waiting_bytes + len(block) > series.most_waiting_bytes:
+                self._discard(series, len(block))
                 return
-            self.waiting_bytes += len(block)
-        self._blocks.put((series, block, received_s))
+            self._series[series] = None
+            series.waiting_bytes += len(block)
+            series.blocks.append((block, received_s))
+        if self._wake.empty():
+            self._wake.put(None)
 
-    def replace(self, name: str, text: str, *, durable: bool = False) -> None:
-        """Let a small file be replaced in one step, and be safe from a power cut if it is to be durable."""
-        with self._lock:
-            self._texts[name] = (text, durable)
+    @property
+    def fault(self) -> str:
+        """Why the disk takes nothing; empty if it does."""
+        return next((series.fault for series in list(self._series) if series.fault), "")
 
-    def log(self, line: str) -> None:
-        """Let a line be appended to the log."""
-        with self._lock:
-            self._lines.append(f"{line}\n")
+    @property
+    def waiting_bytes(self) -> int:
+        """Bytes of all blocks in memory."""
+        return sum(series.waiting_bytes for series in list(self._series))
 
     @property
     def unsynced_s(self) -> float:
@@ -159,56 +99,91 @@ class Storage:
 
     def drain(self) -> None:
         """Write all blocks that wait; those that a full disk does not take are counted as discarded."""
-        self._closing.set()
-        self._blocks.put(None)
-        self._threads[0].join()
+        self._draining.set()
+        self._wake.put(None)
+        self._writer.finish()
 
     def close(self) -> None:
         """Flush and close all files; call it after `drain`."""
         self._drained.set()
-        self._threads[1].join()
+        self._flusher.finish()
+
+    def _discard(self, series: Series, size: int) -> None:
+        series.discarded_bytes += size
+        self.discarded_bytes += size
 
     def _write_blocks(self) -> None:
-        while (item := self._blocks.get()) is not None:
-            series, block, received_s = item
-            self._oldest_s = min(self._oldest_s, received_s)
-            while not self._takes(series, block):
-                if self._closing.wait(RETRY_S):
-                    self.discarded_bytes += len(block)
-                    break
-            with self._lock:
-                self.waiting_bytes -= len(block)
-                self._oldest_s = min(self._oldest_s, received_s)  # a flush may have begun before the block was written
-                if series.descriptor is not None:
-                    self._changed[series.stem] = series.descriptor
-        for series in self._series.values():
+        with self._lock:  # it may have been interrupted while it counted
+            for series in self._series:
+                series.waiting_bytes = sum(len(block) for block, _ in series.blocks)
+        while True:
+            last_round = self._draining.is_set()
+            wrote = [self._write_first(series) for series in list(self._series) if series.blocks]
+            if any(wrote):
+                continue
+            if last_round and not wrote:
+                break
+            self._close_ended()
+            with suppress(queue.Empty):
+                self._wake.get(timeout=_IDLE_S if not last_round else 0.0)
+        for series in list(self._series):
             self._retire(series)
 
-    def _takes(self, series: Series, block: Block) -> bool:
-        """Whether the disk took the block. A file that fails otherwise than by lack of space is followed by another."""
+    def _write_first(self, series: Series) -> bool:
+        """Write the first block of a series that has some; whether it waits no longer."""
+        now_s = time.monotonic()
+        if now_s < series.retry_s and not self._draining.is_set():
+            return False
+        block, received_s = series.blocks[0]
+        self._oldest_s = min(self._oldest_s, received_s)
+        taken = self._takes(series)
+        if not taken and not self._draining.is_set():
+            series.retry_s = now_s + RETRY_S
+            return False
+        with self._lock:
+            if not taken:
+                self._discard(series, len(block))
+            series.blocks.popleft()
+            series.waiting_bytes -= len(block)
+            self._oldest_s = min(self._oldest_s, received_s)  # a flush may have begun before the block was written
+            if series.descriptor is not None:
+                self._changed[series] = series.descriptor
+        return True
+
+    def _close_ended(self) -> None:
+        """Close the files of series to which nothing comes any more."""
+        for series in list(self._series):
+            if series.is_over and not series.blocks:
+                self._retire(series)
+                with self._lock:
+                    if not series.blocks:
+                        self._series.pop(series, None)
+
+    def _takes(self, series: Series) -> bool:
+        """Whether the disk took the first block. A file that fails otherwise than by lack of space is followed by another."""
         try:
-            if self.free_bytes < len(block):
-                self.fault = os.strerror(errno.ENOSPC)
+            if self.free_bytes < len(series.blocks[0][0]):
+                series.fault = os.strerror(errno.ENOSPC)
                 return False
             if series.is_done:
                 self._retire(series)
                 series.begin()
-                self._series[series.stem], self._has_new_files = series, True
-            series.append(block)
+                self._has_new_files = True
+            series.append(series.blocks[0])
         except OSError as error:
-            self.fault = error.strerror or str(error)
+            series.fault = error.strerror or str(error)
             if error.errno not in _FULL:
                 self._retire(series)
             return False
-        self.fault = ""
+        series.fault = ""
         return True
 
     def _retire(self, series: Series) -> None:
         if series.descriptor is not None:
             with self._lock:
                 self._retired.append(series.descriptor)
-                self._changed.pop(series.stem, None)
-            series.descriptor = None
+                self._changed.pop(series, None)
+                series.descriptor = None
 
     def _flush_often(self) -> None:
         while not self._drained.wait(SYNC_S):
@@ -217,47 +192,32 @@ class Storage:
 
     def _flush(self) -> None:
         with self._lock:
-            retired, self._retired = self._retired, []
-            descriptors = [*retired, *self._changed.values()]
+            retired = list(self._retired)
+            changed = self._changed
             self._changed = {}
-            has_new_files, self._has_new_files = self._has_new_files, False
-            self._flushing_s, self._oldest_s = self._oldest_s, math.inf
+            has_new_files = self._has_new_files
+            self._has_new_files = False
+            self._flushing_s = self._oldest_s
+            self._oldest_s = math.inf
         try:
-            for descriptor in descriptors:
+            for descriptor in (*retired, *changed.values()):
                 getattr(os, "fdatasync", os.fsync)(descriptor)
             if has_new_files:
                 flush_folder(self.folder)
-        except OSError:  # nothing of it is known to be safe: its age shows that
+        except BaseException as error:  # nothing of it is known to be safe: its age shows that
             self._oldest_s = min(self._oldest_s, self._flushing_s)
             self._has_new_files |= has_new_files
+            if not isinstance(error, OSError):
+                with self._lock:
+                    open_ones = {series: number for series, number in changed.items() if number not in self._retired}
+                    self._changed = open_ones | self._changed
+                raise
         else:
-            if descriptors:
+            if retired or changed:
                 self.most_unsynced_s = max(self.most_unsynced_s, time.monotonic() - self._flushing_s)
         self._flushing_s = math.inf
         for descriptor in retired:
-            os.close(descriptor)
-        self._write_texts()
-
-    def _write_texts(self) -> None:
-        with self._lock:
-            texts, self._texts = self._texts, {}
-            lines, self._lines = self._lines, []
-        try:
-            if lines:
-                with (self.folder / "record.log").open("a", encoding="utf-8") as file:
-                    file.writelines(lines)
-                lines = []
-            for name in list(texts):
-                text, durable = texts[name]
-                if durable:
-                    with atomic_output(self.folder / name) as unfinished:
-                        unfinished.write_text(text, encoding="utf-8")
-                else:
-                    unfinished = self.folder / f".{name}"
-                    unfinished.write_text(text, encoding="utf-8")
-                    unfinished.replace(self.folder / name)
-                del texts[name]
-        except OSError:  # a full disk: tried again with the next flush
-            with self._lock:
-                self._lines = lines + self._lines
-                self._texts = texts | self._texts
+            self._retired.remove(descriptor)
+            with suppress(OSError):
+                os.close(descriptor)
+        self.small.write()
