@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -17,7 +17,7 @@ import furrowmap
 from furrowmap.cli.console import CLEARED_LINE, Console
 from furrowmap.cli.options import command, flag, numbers, option, output
 from furrowmap.cli.tables import table
-from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.core.runtime.errors import Notice, UsageError, printable
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
 
@@ -41,7 +41,8 @@ VIEWER_ENDS_S: Final = 2.0
 @option(
     "--gnss",
     "SOURCE",
-    "GNSS receiver: DEVICE, DEVICE:BAUD, tcp://HOST:PORT or udp://:PORT. May be repeated; the session uses the first.",
+    "GNSS receiver: DEVICE, DEVICE:BAUD, tcp://HOST:PORT, udp://:PORT or udp://HOST:PORT. May be repeated; the session "
+    "uses the first.",
     multiple=True,
 )
 @option(
@@ -70,7 +71,8 @@ def record(
     """Record the UDP packets of scanners and the bytes of GNSS receivers until Ctrl-C.
 
     Writes captures (PCAP), GNSS logs as received, and a session file for `furrowmap run DIR`. A power cut loses at most
-    a second. What is wrong is shown, and written to record.log and status.json.
+    a second. What is wrong is shown, and written to record.log and status.json. The exit status is 1 if packets are
+    known to be lost, or a part of the recorder had to be started again.
     """
     shown_s, language = -STATUS_SHOWN_S, language_of_user()
 
@@ -109,13 +111,26 @@ def record(
     ]
     session = printable(str(recorded.session))
     console.answer({"session": recorded.session, **status}, f"{table(rows)}\nNext: furrowmap run {session}")
+    if not recorded.is_complete:
+        console.warn(
+            Notice(
+                "record-incomplete",
+                ends=sum(thread["ends"] for thread in status["threads"]),
+                lost=sum(each["lost"] for each in status["scanners"]),
+                dropped=sum(each["dropped"] or 0 for each in status["sockets"]),
+                discarded=status["disk"]["discarded_bytes"] / 1e6,
+                ignored=status["ignored"]["packets"],
+            )
+        )
+        click.get_current_context().exit(1)
 
 
 @contextmanager
 def _viewer(folder: Path) -> Iterator[None]:
     """Run `furrowmap live` beside; recording goes on whatever becomes of it."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "status.json").unlink(missing_ok=True)  # of an earlier recording, which ended
+    with suppress(OSError):
+        (folder / "status.json").unlink()  # of an earlier recording, which ended
     command = [sys.executable, "-m", "furrowmap", "live", str(folder)]
     viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 (this interpreter)
     try:

@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from ipaddress import AddressValueError, IPv4Address, IPv6Address
+from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
 from furrowmap.core.runtime.errors import UsageError
-
 
 
 class Piece(NamedTuple):
@@ -111,7 +111,7 @@ def _host(text: str) -> str | None:
 def _may_be_device(name: str) -> bool:
     """Whether a device has that name, or nothing has: it may be plugged in later."""
     try:
-        return stat.S_ISCHR(os.stat(name).st_mode)
+        return stat.S_ISCHR(Path(name).stat().st_mode)
     except FileNotFoundError:
         return True
     except (OSError, ValueError):

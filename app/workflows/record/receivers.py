@@ -1,5 +1,6 @@
 """GNSS receivers: their bytes as they arrive."""
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ WAITING_BYTES: Final = 16 << 20
 """Of a receiver in memory, where the disk takes nothing."""
 MAX_SENDERS: Final = 4
 """To one UDP port that are recorded until one of them gives a position."""
-MAX_CANDIDATE_BYTES: Final = 16 << 20
+MAX_CANDIDATE_BYTES: Final = 64 << 20
 SILENT_S: Final = 10.0
 """A sender that is silent for so long gives its place to another one with positions."""
 MAX_NAMED: Final = 1000
@@ -57,7 +58,7 @@ class GnssReceiver:
 
     Attributes:
         fault: why the source cannot be opened, or was lost; empty while it is open.
-        is_flooded: whether more came in the last seconds than a receiver sends.
+        flooded_s: when more came than a receiver sends, by the monotonic clock.
         foreign: messages of other senders, which are not recorded.
         foreign_of: the addresses that sent them; of a thousand at most.
     """
@@ -73,7 +74,7 @@ class GnssReceiver:
         self.fault = ""
         self.foreign = 0
         self.foreign_of: dict[str, None] = {}
-        self.flooded_s = -SILENT_S
+        self.flooded_s = -math.inf
         self._where = GnssSource.parse(source)
         self._storage = storage
         self._new_series = new_series
@@ -125,7 +126,7 @@ class GnssReceiver:
         for stream in list(self._streams.values()):
             try:
                 stream.arrived.look()
-            except Exception as error:  # noqa: BLE001 (of one sender; the others must be looked at)
+            except Exception as error:  # noqa: BLE001 whatever hostile bytes raise, the other senders are looked at
                 failed = error
         self._choose()
         if failed is not None:

@@ -14,7 +14,8 @@ MAX_SCANNERS: Final = 8
 """Senders of packets of known makers that are recorded, besides the addresses that the machine states."""
 MAX_UNKNOWN: Final = 8
 """Other senders that are recorded at a time: each has its files, and a hostile network must not make thousands."""
-MAX_UNKNOWN_EVER: Final = 64
+MAX_EVER: Final = 64
+"""Of each of the two kinds, during a recording."""
 MAX_UNKNOWN_BYTES: Final = 1 << 30
 """Of all others together, on the disk."""
 IDLE_S: Final = 30.0
@@ -88,12 +89,12 @@ class Senders:
         self.unknown_bytes = 0
         self._stated = frozenset(stated)
         self._new_series = new_series
-        self._unknown_ever = 0
+        self._ever = {Rank.SCANNER: 0, Rank.UNKNOWN: 0}
 
     @property
     def first_ones(self) -> list[Sender]:
         """All, stated ones first and then scanners."""
-        return sorted(list(self.known.values()), key=lambda sender: -sender.rank)
+        return sorted(self.known.values(), key=lambda sender: -sender.rank)
 
     def admitted(self, source: tuple[str, int], scanner: int, payload: memoryview) -> Sender | None:
         """The sender of a packet; None if the packet is not recorded, which is counted."""
@@ -118,12 +119,10 @@ class Senders:
     def _with_place(self, source: tuple[str, int], scanner: int, payload: memoryview) -> Sender | None:
         stated = source[0] in self._stated
         rank = Rank.STATED if stated else Rank.SCANNER if packet_maker(payload) else Rank.UNKNOWN
-        if rank is Rank.SCANNER and not self._has_place(rank):
-            return None
-        if rank is Rank.UNKNOWN:
-            if self._unknown_ever >= MAX_UNKNOWN_EVER or not self._has_place(rank):
+        if rank is not Rank.STATED:
+            if self._ever[rank] >= MAX_EVER or not self._has_place(rank):
                 return None
-            self._unknown_ever += 1
+            self._ever[rank] += 1
         sender = Sender(source[0], rank, self._new_series(source[0], scanner), _interface_to(source))
         if rank is Rank.UNKNOWN:
             sender.arrived.most_bytes = UNKNOWN_LOOKED_BYTES

@@ -16,9 +16,7 @@ Waiting: TypeAlias = tuple[Block, float]
 
 MAX_TAKEN: Final = 10_000
 """Names that something else has, after each other, until a file counts as impossible."""
-_NEW_FILE: Final = (
-    os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
-)
+_NEW_FILE: Final = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
 
 
 def numbered_files(folder: Path, stem: str, suffix: str) -> dict[int, Path]:

@@ -34,18 +34,20 @@ class Storage:
     to the bound of their series; further ones are discarded and counted. Series have turns, a block each.
 
     Args:
+        small: session, status and log, which are written with each flush.
         told: is called by a thread that was ended by an exception, before it begins again.
 
     Attributes:
-        small: session, status and log.
         discarded_bytes: for which there was no memory, or at the end no disk.
         most_unsynced_s: the longest time that a power cut at the worst moment would have lost.
         threads: the two.
     """
 
-    def __init__(self, folder: Path, told: Callable[[SupervisedThread], None] = lambda _: None) -> None:
+    def __init__(
+        self, folder: Path, small: SmallFiles, told: Callable[[SupervisedThread], None] = lambda _: None
+    ) -> None:
         self.folder = folder
-        self.small = SmallFiles(folder)
+        self.small = small
         self.discarded_bytes = 0
         self.most_unsynced_s = 0.0
         self._lock = threading.Lock()
@@ -160,7 +162,7 @@ class Storage:
                         self._series.pop(series, None)
 
     def _takes(self, series: Series) -> bool:
-        """Whether the disk took the first block. A file that fails otherwise than by lack of space is followed by another."""
+        """Whether the disk took the first block. After a fault that is no lack of space another file is begun."""
         try:
             if self.free_bytes < len(series.blocks[0][0]):
                 series.fault = os.strerror(errno.ENOSPC)

@@ -3,14 +3,16 @@
 import math
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.supervised import SupervisedThread, cause_of
 from furrowmap.core.values.gnss import Fix
 from furrowmap.workflows.record.network import BUFFER_BYTES, ScannerNetwork
-from furrowmap.workflows.record.receivers import GnssReceiver
+from furrowmap.workflows.record.receivers import MAX_BYTES_PER_S, GnssReceiver
+from furrowmap.workflows.record.senders import Rank, Sender
 from furrowmap.workflows.record.storage import Storage
 
 STATUS_SCHEMA: Final = 1
@@ -22,6 +24,10 @@ UNKNOWN_BYTES: Final = 4096
 """Bytes of a receiver without a message from which on its settings are wrong."""
 UNSYNCED_S: Final = 1.0
 HOURS_LEFT: Final = 1.0
+MAX_SCANNERS: Final = 4
+"""That a session can have."""
+MAX_EXAMPLES: Final = 4
+"""Addresses of others that are named."""
 CLOCK_S: Final = (-0.1, 1.5)
 """Usual range of the times of arrival minus the times in the messages: a receiver needs up to a second to send them."""
 JUMP_S: Final = 0.1
@@ -45,29 +51,42 @@ class Watch:
     receivers: Sequence[GnssReceiver]
     storage: Storage
     lasting: Sequence[Notice]
+    further_threads: Sequence[SupervisedThread] = ()
     _started_s: float = field(default_factory=time.monotonic)
     _looked_s: float = field(default_factory=time.monotonic)
     _clock_s: float = field(default_factory=lambda: time.time() - time.monotonic())
     _jump_s: float = 0.0
     _counts: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Of each counter its last value, and when it changed last, by the monotonic clock."""
+    _not_understood: dict[str, tuple[str, float]] = field(default_factory=dict)
+    """Of senders, receivers and the session: why they could not be looked at the last time, and when that was."""
+
+    @property
+    def threads(self) -> list[SupervisedThread]:
+        """All threads of the recording."""
+        receivers = [receiver.thread for receiver in self.receivers]
+        return [self.network.thread, *receivers, *self.storage.threads, *self.further_threads]
 
     def look(self, state: str = "recording") -> Status:
         """The status now; to be called about once a second."""
         now_s = time.monotonic()
-        scanners = [self._scanner(key, now_s) for key in list(self.network.senders)]
+        senders = self.network.senders.first_ones
+        scanners = [self._scanner(sender, now_s) for sender in senders]
         gnss = [self._gnss(receiver, now_s) for receiver in self.receivers]
         for port in self.network.ports:
             port.look()
         disk = self._disk(now_s)
+        threads = [_thread(thread, now_s) for thread in self.threads]
         self._note_clock()
         self._looked_s = now_s
         warnings = {
             f"{notice.key} {subject}": notice
             for subject, notice in [
+                *self._of_threads(threads),
                 *(("", notice) for notice in self.lasting),
                 *self._of_scanners(scanners, now_s),
-                *self._of_gnss(gnss),
+                *self._of_senders(scanners, now_s),
+                *self._of_gnss(gnss, now_s),
                 *self._of_machine(disk, now_s),
             ]
         }
@@ -79,6 +98,10 @@ class Watch:
             "elapsed_s": now_s - self._started_s,
             "scanners": scanners,
             "gnss": gnss,
+            "ignored": {
+                "packets": self.network.senders.ignored,
+                "addresses": list(self.network.senders.ignored_of)[:MAX_EXAMPLES],
+            },
             "sockets": [
                 {
                     "port": port.number,
@@ -89,38 +112,64 @@ class Watch:
                 for port in self.network.ports
             ],
             "disk": disk,
+            "threads": threads,
+            "complete": self._is_complete(scanners, threads),
             "warnings": [{"code": notice.code, "text": notice.text} for notice in warnings.values()],
         }
         return Status(values, _summary(values), warnings)
 
-    def _scanner(self, key: tuple[str, int], now_s: float) -> dict[str, Any]:
-        sender = self.network.senders[key]
-        sender.arrived.look()
-        before, _ = self._counts.get(f"packets {key}", (0, 0.0))
-        self._count(f"packets {key}", sender.packets, now_s)
+    def _is_complete(self, scanners: Sequence[Mapping[str, Any]], threads: Sequence[Mapping[str, Any]]) -> bool:
+        """Whether all that scanners and receivers sent is recorded, as far as it is known."""
+        known = [scanner for scanner in scanners if scanner["maker"] or scanner["unread_maker"]]
+        lost = sum(scanner["lost"] for scanner in scanners) + sum(port.dropped or 0 for port in self.network.ports)
+        ignored = 0 if known else self.network.senders.ignored  # one of them may have been the scanner
+        return not (lost or ignored or self.storage.discarded_bytes or any(thread["ends"] for thread in threads))
+
+    def _understand(self, subject: str, look: Callable[[], None]) -> None:
+        """Look at what arrived. It is recorded already, whatever looking at hostile bytes raises."""
+        try:
+            look()
+        except Exception as error:  # noqa: BLE001 it is recorded already, whatever hostile bytes raise here
+            self.note_fault(subject, error)
+
+    def note_fault(self, subject: str, error: Exception) -> None:
+        """What could not be looked at, or shown."""
+        self._not_understood[subject] = (cause_of(error), time.monotonic())
+
+    def _scanner(self, sender: Sender, now_s: float) -> dict[str, Any]:
+        key = f"packets {sender.series.stem}"
+        self._understand(sender.address, sender.arrived.look)
+        before, _ = self._counts.get(key, (0, 0.0))
+        self._count(key, sender.packets, now_s)
         return {
             "address": sender.address,
             "stem": sender.series.stem,
-            "ports": sorted(sender.ports),
+            "ports": sorted(sender.ports.copy()),
             "maker": sender.arrived.maker,
             "unread_maker": sender.arrived.unread,
+            "stated": sender.rank is Rank.STATED,
             "file": sender.series.files[-1] if sender.series.files else None,
             "packets": sender.packets,
-            "packets_per_s": round((sender.packets - before) / max(now_s - self._looked_s, 1e-3)),
+            "packets_per_s": max(0, round((sender.packets - before) / max(now_s - self._looked_s, 1e-3))),
             "bytes": sender.series.written,
+            "discarded_bytes": sender.series.discarded_bytes,
             "age_s": now_s - sender.last_s,
             "lost": sender.arrived.lost,
             "pps": sender.arrived.pps or None,
         }
 
     def _gnss(self, receiver: GnssReceiver, now_s: float) -> dict[str, Any]:
-        receiver.arrived.look()
+        self._understand(receiver.source, receiver.look)
         arrived = receiver.arrived
+        files = receiver.files
         return {
             "source": receiver.source,
+            "sender": receiver.sender,
             "format": arrived.format,
-            "file": receiver.series.files[-1] if receiver.series.files else None,
-            "bytes": receiver.series.written,
+            "file": files[-1] if files else None,
+            "bytes": sum(series.written for series in receiver.all_series),
+            "discarded_bytes": sum(series.discarded_bytes for series in receiver.all_series),
+            "foreign_messages": receiver.foreign,
             "age_s": now_s - receiver.last_s,
             "fault": receiver.fault,
             "fix": arrived.fix.label,
@@ -137,8 +186,8 @@ class Watch:
             free_bytes = max(0, storage.free_bytes)
         except OSError:
             free_bytes = 0
-        senders = list(self.network.senders.values())
-        series = [*(sender.series for sender in senders), *(receiver.series for receiver in self.receivers)]
+        series = [sender.series for sender in self.network.senders.first_ones]
+        series += [each for receiver in self.receivers for each in receiver.all_series]
         rate = sum(each.written for each in series) / max(now_s - self._started_s, 1.0)
         return {
             "free_bytes": free_bytes,
@@ -165,41 +214,84 @@ class Watch:
         self._counts[name] = value, changed_s
         return now_s - changed_s < RECENT_S
 
+    def _is_down(self, thread: SupervisedThread) -> bool:
+        """Whether a thread was ended just now: what it has not received says nothing about cables."""
+        recently = thread.ends > 0 and time.monotonic() - thread.ended_s < RECENT_S
+        return not thread.stopping.is_set() and (recently or not thread.is_working)
+
+    def _of_threads(self, threads: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, Notice]]:
+        for thread in threads:
+            if thread["ends"] and (thread["age_s"] < RECENT_S or not thread["is_working"]):
+                subject = f"{thread['name']} {thread['ends']}"  # a further end is a further alarm
+                yield (
+                    subject,
+                    Notice("record-thread", part=thread["name"], cause=thread["cause"], ends=thread["ends"]),
+                )
+        for subject, (cause, failed_s) in self._not_understood.copy().items():
+            if time.monotonic() - failed_s < RECENT_S:
+                yield subject, Notice("record-not-understood", source=subject, cause=cause)
+        for name, fault in self.storage.small.faults.copy().items():
+            yield name, Notice("record-small-file", name=name, fault=fault)
+
     def _of_scanners(self, scanners: Sequence[Mapping[str, Any]], now_s: float) -> Iterator[tuple[str, Notice]]:
         known = [scanner for scanner in scanners if scanner["maker"]]
         unread = [scanner for scanner in scanners if scanner["unread_maker"]]
+        is_down = self._is_down(self.network.thread)
         for scanner in unread:
             yield scanner["address"], Notice("record-unread", source=scanner["address"], maker=scanner["unread_maker"])
-        if not known + unread and self.network.ports and now_s - self._started_s > STREAM_SILENT_S:
+        late = self.network.ports and now_s - self._started_s > STREAM_SILENT_S
+        if not known + unread and late and not is_down:
             ports = ", ".join(str(port.number) for port in self.network.ports)
-            yield "", Notice("record-no-packets", ports=ports, others=", ".join(s["address"] for s in scanners) or None)
+            heard = scanners or self.network.senders.ignored or any(port.dropped for port in self.network.ports)
+            if heard:
+                others = [scanner["address"] for scanner in scanners] or list(self.network.senders.ignored_of)
+                listed = ", ".join(others[:MAX_EXAMPLES])
+                yield "", Notice("record-unknown-packets", ports=ports, others=listed or None)
+            else:
+                yield "", Notice("record-no-packets", ports=ports)
         for scanner in known:
             address, pps = scanner["address"], scanner["pps"]
-            if scanner["age_s"] > STREAM_SILENT_S:
+            if scanner["age_s"] > STREAM_SILENT_S and not is_down:
                 yield address, Notice("record-silent", source=address, age_s=scanner["age_s"])
-            if self._count(f"lost {address}", scanner["lost"], now_s):
+            if self._count(f"lost {scanner['stem']}", scanner["lost"], now_s):
                 yield address, Notice("record-lost", source=address, lost=scanner["lost"])
-            if scanner["maker"] == "Ouster" and not (self.storage.folder / f"{scanner['stem']}.json").exists():
+            if scanner["maker"] == "Ouster" and not (self.storage.folder / f"{scanner['stem']}.json").is_file():
                 yield address, Notice("record-no-metadata", source=address)
             if pps not in (None, "locked"):
                 yield address, Notice("record-pps", source=address, state=pps)
-        if self._count("ignored", self.network.ignored, now_s):
-            yield "", Notice("record-senders", senders=len(scanners), ignored=self.network.ignored)
 
-    def _of_gnss(self, gnss: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, Notice]]:
-        for each in gnss:
+    def _of_senders(self, scanners: Sequence[Mapping[str, Any]], now_s: float) -> Iterator[tuple[str, Notice]]:
+        senders = self.network.senders
+        if self._count("ignored", senders.ignored, now_s):
+            listed = ", ".join(list(senders.ignored_of)[:MAX_EXAMPLES])
+            yield (
+                "",
+                Notice("record-senders", senders=len(senders.ignored_of), examples=listed, ignored=senders.ignored),
+            )
+        known = [scanner["address"] for scanner in scanners if scanner["maker"]]
+        if len(known) > MAX_SCANNERS:
+            yield "", Notice("record-many-scanners", scanners=len(known), most=MAX_SCANNERS, listed=", ".join(known))
+
+    def _of_gnss(self, gnss: Sequence[Mapping[str, Any]], now_s: float) -> Iterator[tuple[str, Notice]]:
+        for each, receiver in zip(gnss, self.receivers, strict=True):
             source = each["source"]
-            if each["fault"]:
-                yield source, Notice("record-gnss-fault", source=source, fault=each["fault"])
-            elif each["age_s"] > STREAM_SILENT_S:
-                yield source, Notice("record-gnss-silent", source=source, age_s=each["age_s"])
-            elif not each["format"]:
-                if each["bytes"] > UNKNOWN_BYTES:
-                    yield source, Notice("record-gnss-unknown", source=source, count=each["bytes"])
-            elif each["fix"] == Fix.NONE.label:
-                yield source, Notice("record-no-fix", source=source)
-            elif not CLOCK_S[0] < each["recorder_minus_gnss_s"] < CLOCK_S[1]:
-                yield source, Notice("record-clock", source=source, off_s=each["recorder_minus_gnss_s"])
+            if self._count(f"foreign {source}", receiver.foreign, now_s):
+                others = ", ".join(list(receiver.foreign_of)[:MAX_EXAMPLES])
+                yield (
+                    source,
+                    Notice(
+                        "record-gnss-senders",
+                        source=source,
+                        used=each["sender"] or None,
+                        others=others,
+                        count=receiver.foreign,
+                    ),
+                )
+            if now_s - receiver.flooded_s < RECENT_S:
+                yield source, Notice("record-gnss-flood", source=source, most=MAX_BYTES_PER_S / 1e6)
+            if self._is_down(receiver.thread):
+                continue
+            yield from _of_positions(each)
 
     def _of_machine(self, disk: Mapping[str, Any], now_s: float) -> Iterator[tuple[str, Notice]]:
         dropped = {port.number: port.dropped or 0 for port in self.network.ports}
@@ -216,6 +308,33 @@ class Watch:
             yield "", Notice("record-disk-slow", unsynced_s=disk["unsynced_s"])
         if self._count("discarded", disk["discarded_bytes"], now_s):
             yield "", Notice("record-discarded", discarded=disk["discarded_bytes"] / 1e6)
+
+
+def _of_positions(gnss: Mapping[str, Any]) -> Iterator[tuple[str, Notice]]:
+    """What is wrong with a receiver that is listened to."""
+    source = gnss["source"]
+    if gnss["fault"]:
+        yield source, Notice("record-gnss-fault", source=source, fault=gnss["fault"])
+    elif gnss["age_s"] > STREAM_SILENT_S:
+        yield source, Notice("record-gnss-silent", source=source, age_s=gnss["age_s"])
+    elif not gnss["format"]:
+        if gnss["bytes"] > UNKNOWN_BYTES:
+            yield source, Notice("record-gnss-unknown", source=source, count=gnss["bytes"])
+    elif gnss["fix"] == Fix.NONE.label:
+        yield source, Notice("record-no-fix", source=source)
+    elif not CLOCK_S[0] < gnss["recorder_minus_gnss_s"] < CLOCK_S[1]:
+        yield source, Notice("record-clock", source=source, off_s=gnss["recorder_minus_gnss_s"])
+
+
+def _thread(thread: SupervisedThread, now_s: float) -> dict[str, Any]:
+    """A thread in the status."""
+    return {
+        "name": thread.name,
+        "is_working": thread.is_working,
+        "ends": thread.ends,
+        "cause": thread.cause,
+        "age_s": now_s - thread.ended_s if thread.ends else None,
+    }
 
 
 def _summary(values: Mapping[str, Any]) -> Notice:
