@@ -4,6 +4,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -112,7 +113,8 @@ class SupervisedThread:
         try:
             self._attempt()
         except BaseException as error:  # noqa: BLE001 (whatever came between two attempts: the next thread goes on)
-            self._note(error)
+            with suppress(BaseException):
+                self._note(error)
 
     def _attempt(self) -> None:
         pause_s = FIRST_PAUSE_S

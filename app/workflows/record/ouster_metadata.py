@@ -33,11 +33,14 @@ class MetadataAsker:
     Args:
         small: where the files go.
         told: is called by the thread where it was ended by an exception, before it begins again.
+
+    Attributes:
+        asked: stems of the captures of the sensors that are, or were, asked.
     """
 
     def __init__(self, small: SmallFiles, told: Callable[[SupervisedThread], None] = lambda _: None) -> None:
         self._small = small
-        self._asked: set[str] = set()
+        self.asked: tuple[str, ...] = ()
         self._new: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
         self._due_s: dict[tuple[str, str], float] = {}
         self.thread = SupervisedThread("metadata", self._ask_all, told)
@@ -45,8 +48,8 @@ class MetadataAsker:
 
     def ask(self, address: str, stem: str) -> None:
         """Let the sensor at an address be asked, whose captures have that stem; once."""
-        if stem not in self._asked and len(self._asked) < MAX_ASKED and not IPv4Address(address).is_global:
-            self._asked.add(stem)
+        if stem not in self.asked and len(self.asked) < MAX_ASKED and not IPv4Address(address).is_global:
+            self.asked = (*self.asked, stem)
             self._new.put((address, stem))
 
     def stop(self) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.geodesy.crs_choice import CrsChoice, choose_crs
-from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.session.proposal import recorded_session, with_recorded
 from furrowmap.core.values.machine import Machine
 from furrowmap.workflows.record.senders import Rank, Sender
@@ -27,6 +27,7 @@ class SessionFile:
         self._watch = watch
         self._text = ""
         self._crs: CrsChoice | None = None
+        self._lasting = watch.lasting
 
     def update(self) -> None:
         """Write it, if it has changed."""
@@ -39,8 +40,15 @@ class SessionFile:
             self._crs = choose_crs(*place)
         text = self._text or self._there() or recorded_session(self._folder.resolve().name, self._machine)
         files = [sender.series.files for sender in self._scanners(text)]
-        with suppress(RefusedError, ValueError):  # one that was there, and is written in another way: it is kept
+        try:
             text = with_recorded(text, files, gnss, self._crs, self._machine)
+        except (RefusedError, ValueError) as error:  # one that was there, and is written in another way: it is kept
+            watch.lasting = [
+                *self._lasting,
+                Notice("record-session-kept", name=SESSION, fault=str(error).partition("\n")[0]),
+            ]
+        else:
+            watch.lasting = self._lasting
         if text != self._text:
             self._text = text
             watch.storage.small.replace(SESSION, text, durable=True)

@@ -13,8 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from functools import reduce
-from http.server import BaseHTTPRequestHandler, HTTPServer
+from functools import partial, reduce
 from itertools import islice
 from operator import xor
 from pathlib import Path
@@ -24,14 +23,19 @@ import pytest
 
 import furrowmap
 from furrowmap.core.readers.ouster.metadata import packet_bytes
-from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
+from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.session.file import load_session
 from furrowmap.workflows.record.network import USUAL_PORTS, Port, ScannerNetwork
 from furrowmap.workflows.record.receivers import GnssReceiver
-from furrowmap.workflows.record.record import Told, open_ports, sensor_metadata
-from furrowmap.workflows.record.storage import Series, Storage
+from furrowmap.workflows.record.record import Told, open_ports
+from furrowmap.workflows.record.senders import Senders
+from furrowmap.workflows.record.series import Series
+from furrowmap.workflows.record.small_files import SmallFiles
+from furrowmap.workflows.record.storage import Storage
 from furrowmap.workflows.record.watch import Watch
 from tests.replay import packets, replay, sentences
+
+from .senders import free_ports, payloads
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the addresses of the loopback are those of Linux")
 
@@ -39,13 +43,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the addresses o
 @pytest.fixture
 def ports() -> tuple[int, int, int]:
     """Free UDP ports: data, positions, GNSS."""
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
-    for each in sockets:
-        each.bind(("", 0))
-    numbers = [each.getsockname()[1] for each in sockets]
-    for each in sockets:
-        each.close()
-    return numbers[0], numbers[1], numbers[2]
+    return free_ports()
 
 
 def recorded(
@@ -71,22 +69,8 @@ def codes(heard: list[Told], kind: str = "begun") -> list[str]:
     return [notice.code for told in heard for notice in getattr(told, kind)]
 
 
-def payloads(folder: Path, stem: str) -> list[bytes]:
-    """The payloads in all captures of a scanner, by the byte, without furrowmap's reader."""
-    found = []
-    for path in sorted(folder.glob(f"{stem}-*.pcap")):
-        data, at = path.read_bytes(), 24
-        assert data[:4] == struct.pack("<I", 0xA1B23C4D)
-        while at + 16 <= len(data):
-            captured = struct.unpack_from("<I", data, at + 8)[0]
-            frame = data[at + 16 : at + 16 + captured]
-            ip = struct.unpack(">10H", frame[14:34])
-            assert sum(ip) % 0xFFFF == 0, "the header's checksum (RFC 791)"
-            assert int.from_bytes(frame[16:18], "big") == len(frame) - 14
-            found.append(frame[42:])
-            at += 16 + captured
-        assert at == len(data)
-    return found
+def new_log(folder: Path, name: str, address: str) -> Series:
+    return Series(folder, f"gnss{name}{address}", ".log")
 
 
 def test_promise_26__hanging_reader_loses_nothing_of_two_scanners_and_a_receiver(
@@ -221,7 +205,7 @@ def test_promise_26__full_disk_at_the_end_leaves_what_was_written_whole(
 
 def test_promise_26__file_that_takes_no_more_is_followed_by_another(tmp_path: Path) -> None:
     """As on a card with FAT32, which has no file over 4 GB."""
-    storage = Storage(tmp_path)
+    storage = Storage(tmp_path, SmallFiles(tmp_path))
     series = Series(tmp_path, "lidar-a", ".pcap", b"head")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (250_000, hard))
@@ -324,10 +308,11 @@ def test_watch__names_what_is_wrong(tmp_path: Path, ports: tuple[int, int, int])
         Port.open(ports[0])
     port.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2000)
     replay((0.0, ports[0], data) for _ in range(100))  # before anything is read
-    storage = Storage(tmp_path)
-    network = ScannerNetwork([port], storage, lambda address, _: Series(tmp_path, f"lidar-{address}", ".pcap", b"head"))
+    storage = Storage(tmp_path, SmallFiles(tmp_path))
+    senders = Senders([], lambda address, _: Series(tmp_path, f"lidar-{address}", ".pcap", b"head"))
+    network = ScannerNetwork([port], storage, senders)
     receivers = [
-        GnssReceiver(f"udp://127.0.0.1:{number}", storage, Series(tmp_path, f"gnss-{number}", ".log"))
+        GnssReceiver(f"udp://127.0.0.1:{number}", storage, partial(new_log, tmp_path, str(number)))
         for number in ports[1:]
     ]
     watch = Watch(network, receivers, storage, [Notice("record-no-gnss")])
@@ -342,7 +327,7 @@ def test_watch__names_what_is_wrong(tmp_path: Path, ports: tuple[int, int, int])
         watch._clock_s -= 5.0  # the clock of five seconds ago
         storage._oldest_s = time.monotonic() - 1e6  # a disk that flushes nothing
         found = watch.look().warnings
-        receivers[1].last_s -= 60.0
+        receivers[1]._begun_s -= 60.0
         storage.discarded_bytes += 1
         found |= watch.look().warnings
     finally:
@@ -352,7 +337,7 @@ def test_watch__names_what_is_wrong(tmp_path: Path, ports: tuple[int, int, int])
         storage.close()
     assert {name.split(" ")[0].removeprefix("record-") for name in found} == {
         *("no-gnss", "dropped", "pps", "senders", "no-metadata", "gnss-unknown", "gnss-silent", "clock-jump"),
-        *("disk-slow", "discarded", "unread"),
+        *("disk-slow", "discarded", "unread", "many-scanners"),
     }
     jump = next(notice for name, notice in found.items() if "clock-jump" in name)
     assert "+5.00 s" in jump.text
@@ -366,17 +351,11 @@ def test_buffer__that_is_small_is_named(ports: tuple[int, int, int], monkeypatch
     assert [notice.code for notice in lasting] == ["record-buffer"]
 
 
-def test_source__that_is_none_is_refused(tmp_path: Path) -> None:
-    for text in ("tcp://:5017", "udp://:99999", "http://host:1", "/dev/ttyUSB0:12345"):
-        with pytest.raises(UsageError, match="no source"):
-            furrowmap.record(tmp_path, gnss=[text])
-
-
 def test_server__that_ends_the_connection_is_asked_again(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        storage = Storage(tmp_path)
+        storage = Storage(tmp_path, SmallFiles(tmp_path))
         source = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-        receiver = GnssReceiver(source, storage, Series(tmp_path, "gnss", ".log"))
+        receiver = GnssReceiver(source, storage, partial(new_log, tmp_path, ""))
         for content in (b"first", b"second"):
             connection, _ = server.accept()
             connection.sendall(content)
@@ -387,21 +366,6 @@ def test_server__that_ends_the_connection_is_asked_again(tmp_path: Path) -> None
         storage.drain()
         storage.close()
     assert (tmp_path / "gnss-0001.log").read_bytes() == b"firstsecond"
-
-
-def test_ouster__is_asked_for_its_metadata(tmp_path: Path, shared_data: Path) -> None:
-    text = (shared_data / "other_lidars" / "ouster" / "OS-0-32-U1_v2.2.0_1024x10.json").read_text()
-
-    class Sensor(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200 if self.path == "/api/v1/sensor/metadata" else 404)
-            self.end_headers()
-            self.wfile.write(text.encode())
-
-    with HTTPServer(("127.0.0.1", 0), Sensor) as server:
-        threading.Thread(target=server.handle_request).start()
-        assert sensor_metadata(f"127.0.0.1:{server.server_port}") == text
-    assert sensor_metadata("127.0.0.1:1") == ""
 
 
 def test_ports__are_those_of_the_makers_manuals() -> None:

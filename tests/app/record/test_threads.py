@@ -1,0 +1,196 @@
+"""Each thread of a recording is killed: that is said at once, the thread works again, and the exit status says so."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import furrowmap
+from furrowmap.cli.main import command_line
+from furrowmap.workflows.record.record import Told
+
+from .senders import free_ports, numbered, payloads, velodyne_packet
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the addresses of the loopback are those of Linux")
+
+SAID_WITHIN_S = 1.0
+LOADED_S = 4.0
+"""Further time on a machine that does something else."""
+GGA = b"$GPGGA,010203.00,3652.2000,N,14001.2000,E,4,12,0.8,270.0,M,37.0,M,1.0,0000*"
+
+
+class Killed(BaseException):
+    """What no handler of a thread expects."""
+
+
+def kill(thread: threading.Thread) -> None:
+    """Raise an exception in a thread, at whatever it is just doing."""
+    assert thread.ident is not None
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), ctypes.py_object(Killed))
+
+
+def status_of(folder: Path) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads((folder / "status.json").read_text(encoding="utf-8"))
+    except OSError:
+        found = {}
+    return found
+
+
+def waited_for(holds: Callable[[], bool], within_s: float) -> float:
+    """The time until something holds."""
+    begun_s = time.monotonic()
+    while not holds():
+        assert time.monotonic() - begun_s < within_s
+        time.sleep(0.02)
+    return time.monotonic() - begun_s
+
+
+@contextmanager
+def sending(ports: tuple[int, int, int]) -> Iterator[Callable[[], int]]:
+    """Send 200 numbered packets of a scanner a second, and positions; yields how many packets were sent so far."""
+    sent = 0
+    ended = threading.Event()
+    checksum = 0
+    for byte in GGA[1:-1]:
+        checksum ^= byte
+
+    def send() -> None:
+        nonlocal sent
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            while not ended.wait(0.005):
+                sender.sendto(velodyne_packet(sent), ("127.0.0.1", ports[0]))
+                if sent % 20 == 0:
+                    sender.sendto(GGA + b"%02X\r\n" % checksum, ("127.0.0.1", ports[2]))
+                sent += 1
+
+    thread = threading.Thread(target=send, name="sender of the test", daemon=True)
+    thread.start()
+    try:
+        yield lambda: sent
+    finally:
+        ended.set()
+        thread.join()
+
+
+def recorder_threads(before: set[threading.Thread]) -> dict[str, threading.Thread]:
+    """Threads that were started since and are not the test's, by their names."""
+    return {each.name: each for each in threading.enumerate() if each not in before and not each.name.endswith("test")}
+
+
+def in_captures(folder: Path, number: int) -> bool:
+    return number in numbered(payloads(folder, "lidar-127.0.0.1"))
+
+
+class Killer:
+    """Kills each thread of a recording, and measures how long it takes until that is said everywhere."""
+
+    def __init__(self, folder: Path, ports: tuple[int, int, int]) -> None:
+        self.folder = folder
+        self.ports = ports
+        self.before = {*threading.enumerate()}
+        self.alarms: list[str] = []
+        self.said_s: dict[str, float] = {}
+        self.sent = 0
+        self.fault: BaseException | None = None
+        self.worker = threading.Thread(target=self._work, name="killer of the test")
+
+    def told(self, moment: Told) -> None:
+        self.alarms += [notice.text for notice in moment.begun if notice.code == "record-thread"]
+        if self.worker.ident is None:
+            self.worker.start()
+        elif not self.worker.is_alive():
+            raise KeyboardInterrupt  # as the user does
+
+    def _work(self) -> None:
+        try:
+            with sending(self.ports) as sent:
+                waited_for(lambda: bool(status_of(self.folder)), 30.0)
+                waited_for(lambda: in_captures(self.folder, 0), 30.0)
+                for name in sorted(recorder_threads(self.before)):
+                    self._kill_one(name, sent)
+                self._kill_often(sent)
+                self.sent = sent()
+        except BaseException as error:  # noqa: BLE001 raised by the test itself
+            self.fault = error
+
+    def _kill_one(self, name: str, sent: Callable[[], int]) -> None:
+        count = len(self.alarms)
+        kill(recorder_threads(self.before)[name])
+
+        def is_said() -> bool:
+            of_it = [each for each in status_of(self.folder).get("threads", []) if each["name"] == name]
+            log = (self.folder / "record.log").read_text(encoding="utf-8")
+            in_status = bool(of_it) and of_it[0]["ends"] > 0 and "Killed" in of_it[0]["cause"]
+            return in_status and f"thread {name}: ended" in log and len(self.alarms) > count
+
+        self.said_s[name] = waited_for(is_said, SAID_WITHIN_S + LOADED_S)
+        later = sent() + 20
+        waited_for(lambda: in_captures(self.folder, later), 20.0)
+
+    def _kill_often(self, sent: Callable[[], int]) -> None:
+        """Between two attempts, an exception ends the thread itself."""
+        for _ in range(10):
+            for thread in recorder_threads(self.before).values():
+                kill(thread)
+            time.sleep(0.03)
+        later = sent() + 20
+        waited_for(lambda: in_captures(self.folder, later), 30.0)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_promise_26__every_thread_that_is_killed_is_named_at_once_and_works_again(tmp_path: Path) -> None:
+    ports = free_ports()
+    folder = tmp_path / "rec"
+    killer = Killer(folder, ports)
+    found = furrowmap.record(folder, gnss=[f"udp://:{ports[2]}"], ports=[ports[:2]], told=killer.told)
+    if killer.fault is not None:
+        raise killer.fault
+    names = {each["name"] for each in found.status["threads"]}
+    assert killer.said_s.keys() == names
+    assert {"packets", "writer", "flusher", "metadata", "watch", f"GNSS receiver udp://:{ports[2]}"} == names
+    assert all(f"for {name} was" in " ".join(killer.alarms) for name in names)
+    recorded = numbered(payloads(folder, "lidar-127.0.0.1"))
+    lost = killer.sent - len({*recorded} & {*range(killer.sent)})
+    sys.stderr.write(f"said within {max(killer.said_s.values()):.2f} s: {killer.said_s}; {lost} packets lost, ")
+    sys.stderr.write(f"{len(recorded) - len({*recorded})} written twice, of {killer.sent}\n")
+    assert recorded == sorted(recorded)
+    assert lost < 0.02 * killer.sent, "what a thread had in its hands"
+    assert not found.is_complete
+    assert (folder / "gnss-0001.log").stat().st_size > 100
+
+
+def test_promise_26__thread_that_was_ended_makes_the_exit_status_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ports = free_ports()
+    before = {*threading.enumerate()}
+
+    def kill_one() -> None:
+        waited_for(lambda: (tmp_path / "rec" / "status.json").exists(), 30.0)
+        kill(recorder_threads(before)["packets"])
+
+    statuses = []
+    for work in (kill_one, lambda: None):
+        folder = tmp_path / "rec"
+        (folder / "status.json").unlink(missing_ok=True)
+        killer = threading.Thread(target=work, name="killer of the test")
+        killer.start()
+        words = ["record", "-o", str(folder), "--ports", str(ports[0]), "--duration", "3", "--json"]
+        statuses.append(command_line(words))
+        killer.join()
+    assert statuses == [1, 0]
+    out, told = capsys.readouterr()
+    assert "incomplete" in told
+    assert "started again" in told
+    assert "Killed" in out
