@@ -21,8 +21,8 @@ ByteArray = NDArray[np.uint8]
 Packet = tuple[int, int, int]
 """Where the payload of a packet begins in its block, its length, and nanoseconds since 1970 of its arrival."""
 
-_MAX_BYTES: Final = 64 << 20
-_MAX_PACKETS: Final = 200_000
+_MAX_WAITING_BYTES: Final = 64 << 20
+_MAX_WAITING_PACKETS: Final = 200_000
 """That wait to be looked at, at most: a second of the fastest scanners."""
 _UNREAD_HEAD: Final = 3
 _HESAI_HEAD: Final = b"\xee\xff"
@@ -55,7 +55,7 @@ class ArrivedPackets:
     unread: str = ""
     lost: int = 0
     pps: str = ""
-    most_bytes: int = _MAX_BYTES
+    most_bytes: int = _MAX_WAITING_BYTES
     _waiting: deque[tuple[bytes, list[Packet]]] = field(default_factory=deque, repr=False)
     _added: tuple[int, int] = (0, 0)
     """Bytes and packets that were added since the last look."""
@@ -71,7 +71,7 @@ class ArrivedPackets:
     def add(self, block: bytes, packets: list[Packet]) -> None:
         """Keep the packets in a block for `look`. Another thread may call it."""
         size, number = self._added
-        if size + len(block) > self.most_bytes or number + len(packets) > _MAX_PACKETS:
+        if size + len(block) > self.most_bytes or number + len(packets) > _MAX_WAITING_PACKETS:
             self._is_cut = True
             return
         self._added = (size + len(block), number + len(packets))

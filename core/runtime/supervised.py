@@ -11,7 +11,7 @@ from typing import Final
 FIRST_PAUSE_S: Final = 0.05
 MAX_PAUSE_S: Final = 2.0
 """Before a thread is started again: twice as long each time, so that one that ends at once takes no processor."""
-SETTLED_S: Final = 10.0
+AT_WORK_S: Final = 10.0
 """After so long at work the pauses begin anew."""
 _SLICE_S: Final = 0.05
 _MAX_CAUSE: Final = 200
@@ -125,7 +125,7 @@ class SupervisedThread:
                 self._is_done = True
             except BaseException as error:  # noqa: BLE001 (nothing may end it for good)
                 self._note(error)
-                if time.monotonic() - begun_s > SETTLED_S:
+                if time.monotonic() - begun_s > AT_WORK_S:
                     pause_s = FIRST_PAUSE_S
                 if self.stopping.wait(pause_s):
                     return

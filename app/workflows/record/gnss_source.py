@@ -17,7 +17,7 @@ from typing import Final, NamedTuple, TypeAlias
 from furrowmap.core.runtime.errors import UsageError
 
 
-class Piece(NamedTuple):
+class GnssBytes(NamedTuple):
     """Bytes that arrived, the address that sent them (of UDP only), and whether it is another one than that stated."""
 
     data: bytes = b""
@@ -25,7 +25,7 @@ class Piece(NamedTuple):
     is_foreign: bool = False
 
 
-Read: TypeAlias = Callable[[], Piece]
+Read: TypeAlias = Callable[[], GnssBytes]
 """Returns what arrived, or nothing after `WAIT_S`. Raises OSError where the connection has ended."""
 
 WAIT_S: Final = 0.25
@@ -123,18 +123,18 @@ def _stream(connection: socket.socket) -> Read:
     connection.settimeout(WAIT_S)
     heard_s = time.monotonic()
 
-    def read() -> Piece:
+    def read() -> GnssBytes:
         nonlocal heard_s
         try:
             data = connection.recv(_PIECE)
         except TimeoutError:
             if time.monotonic() - heard_s > CONNECTION_SILENT_S:
                 raise
-            return Piece()
+            return GnssBytes()
         if not data:
             raise ConnectionResetError(None, "the connection was closed")
         heard_s = time.monotonic()
-        return Piece(data)
+        return GnssBytes(data)
 
     return read
 
@@ -161,11 +161,11 @@ def _datagrams(port: socket.socket, of: frozenset[str]) -> Read:
     """What the stated senders send, or any sender if none is."""
     port.settimeout(WAIT_S)
 
-    def read() -> Piece:
+    def read() -> GnssBytes:
         with suppress(TimeoutError):
             data, source = port.recvfrom(_PIECE)
-            return Piece(data, str(source[0]), bool(of) and source[0] not in of)
-        return Piece()
+            return GnssBytes(data, str(source[0]), bool(of) and source[0] not in of)
+        return GnssBytes()
 
     return read
 
@@ -192,13 +192,13 @@ def _serial(device: str, baud: int) -> Iterator[Read]:
             except termios.error as error:
                 raise OSError(*error.args) from None
 
-            def read() -> Piece:
+            def read() -> GnssBytes:
                 if not select.select([descriptor], [], [], WAIT_S)[0]:
-                    return Piece()
+                    return GnssBytes()
                 data = os.read(descriptor, _PIECE)
                 if not data:
                     raise ConnectionResetError(None, "the device was removed")
-                return Piece(data)
+                return GnssBytes(data)
 
             yield read
         finally:

@@ -23,8 +23,8 @@ MAX_ASKED: Final = 8
 """Sensors: whoever forges the addresses of packets must not let this machine ask all others."""
 HTTP_PORT: Final = 80
 _PATH: Final = "/api/v1/sensor/metadata"
-_LENGTH: Final = re.compile(rb"\r\ncontent-length:[ \t]*([0-9]{1,9})[ \t]*\r\n", re.IGNORECASE)
-_POLL_S: Final = 0.25
+_CONTENT_LENGTH: Final = re.compile(rb"\r\ncontent-length:[ \t]*([0-9]{1,9})[ \t]*\r\n", re.IGNORECASE)
+_NEW_SENSOR_S: Final = 0.25
 
 
 class MetadataAsker:
@@ -59,7 +59,7 @@ class MetadataAsker:
     def _ask_all(self) -> None:
         while not self.thread.stopping.is_set():
             with suppress(queue.Empty):
-                self._due_s[self._new.get(timeout=_POLL_S)] = 0.0
+                self._due_s[self._new.get(timeout=_NEW_SENSOR_S)] = 0.0
             for sensor, due_s in list(self._due_s.items()):
                 if time.monotonic() < due_s or self.thread.stopping.is_set():
                     continue
@@ -115,7 +115,7 @@ def _answer(address: str, port: int, until_s: float) -> bytes:
             piece = connection.recv(1 << 16)
             data += piece
             head, blank, _ = bytes(data[:65536]).partition(b"\r\n\r\n")
-            length = _LENGTH.search(head + b"\r\n")
+            length = _CONTENT_LENGTH.search(head + b"\r\n")
             whole = blank and length is not None and len(data) >= len(head) + 4 + int(length[1])
             if not piece or whole:
                 break

@@ -9,7 +9,7 @@ from typing import Final
 from furrowmap.core.readers.arrived_positions import ArrivedPositions
 from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.values.gnss import Fix
-from furrowmap.workflows.record.gnss_source import GnssSource, Piece
+from furrowmap.workflows.record.gnss_source import GnssBytes, GnssSource
 from furrowmap.workflows.record.series import Series
 from furrowmap.workflows.record.storage import Storage
 
@@ -24,7 +24,7 @@ WAITING_BYTES: Final = 16 << 20
 MAX_SENDERS: Final = 4
 """To one UDP port that are recorded until one of them gives a position."""
 MAX_CANDIDATE_BYTES: Final = 64 << 20
-SILENT_S: Final = 10.0
+SENDER_SILENT_S: Final = 10.0
 """A sender that is silent for so long gives its place to another one with positions."""
 MAX_NAMED: Final = 1000
 STOP_S: Final = 10.0
@@ -139,10 +139,10 @@ class GnssReceiver:
     def _choose(self) -> None:
         now_s = time.monotonic()
         chosen = self._streams.get(self._chosen) if self._chosen is not None else None
-        if chosen is not None and now_s - chosen.last_s < SILENT_S:
+        if chosen is not None and now_s - chosen.last_s < SENDER_SILENT_S:
             return
         for sender, stream in list(self._streams.items()):
-            if stream.arrived.fix is not Fix.NONE and now_s - stream.last_s < SILENT_S:
+            if stream.arrived.fix is not Fix.NONE and now_s - stream.last_s < SENDER_SILENT_S:
                 self._chosen = sender
                 if stream.series not in self._used:
                     self._used.append(stream.series)
@@ -161,7 +161,7 @@ class GnssReceiver:
                 self.fault = getattr(error, "strerror", None) or str(error) or type(error).__name__
                 self.thread.stopping.wait(REOPEN_S)
 
-    def _take(self, piece: Piece) -> None:
+    def _take(self, piece: GnssBytes) -> None:
         now_s = time.monotonic()
         stream = None if piece.is_foreign else self._stream_of(piece.sender)
         if stream is None:
@@ -181,7 +181,7 @@ class GnssReceiver:
         chosen = self._streams.get(self._chosen) if self._chosen is not None else None
         if stream is chosen and stream is not None:
             return stream
-        if chosen is not None and time.monotonic() - chosen.last_s < SILENT_S:
+        if chosen is not None and time.monotonic() - chosen.last_s < SENDER_SILENT_S:
             return None
         if stream is None:
             if len(self._streams) >= MAX_SENDERS:

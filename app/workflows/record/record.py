@@ -29,7 +29,7 @@ from furrowmap.workflows.session.machines import machine_for
 
 SWITCH_S: Final = 1e-4
 """After this time a thread that computes lets another one receive; Python's own are 5 ms, a packet each."""
-POLL_S: Final = 0.05
+STATUS_POLL_S: Final = 0.05
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def _tell_until(ends_s: float, recorder: Recorder, told: Callable[[Told], None])
         recorder.ensure()
         status = recorder.status
         if status is reported or status is None:
-            time.sleep(min(POLL_S, max(0.0, ends_s - time.monotonic())))
+            time.sleep(min(STATUS_POLL_S, max(0.0, ends_s - time.monotonic())))
             continue
         reported = status
         begun = [notice for name, notice in status.warnings.items() if name not in seen]

@@ -18,7 +18,7 @@ from furrowmap.workflows.record.watch import Status, Watch
 LOOK_S: Final = 1.0
 LOGGED_S: Final = 60.0
 """Between two lines of the status in the log."""
-POLL_S: Final = 0.1
+ENDS_POLL_S: Final = 0.1
 STATUS: Final = "status.json"
 
 
@@ -95,7 +95,7 @@ class Recorder:
             self._note(self._looked())
             next_s = time.monotonic() + LOOK_S
             while time.monotonic() < next_s and self._ends.count == count:
-                if self._thread.stopping.wait(POLL_S):
+                if self._thread.stopping.wait(ENDS_POLL_S):
                     return
 
     def _looked(self, state: str = "recording") -> Status:

@@ -12,7 +12,7 @@ from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.session.proposal import recorded_session, with_recorded
 from furrowmap.core.values.machine import Machine
 from furrowmap.workflows.record.senders import Rank, Sender
-from furrowmap.workflows.record.watch import MAX_SCANNERS, Watch
+from furrowmap.workflows.record.watch import SESSION_SCANNERS, Watch
 
 SESSION: Final = "session.toml"
 MAX_BYTES: Final = 1 << 20
@@ -59,7 +59,7 @@ class SessionFile:
         scanners = scanners or [each for each in heard if each.arrived.unread]  # a run says what it cannot read
         end = len(text) + 1
         scanners.sort(key=lambda each: (each.rank is not Rank.STATED, text.find(f'"{each.series.stem}-') % end))
-        return scanners[:MAX_SCANNERS]
+        return scanners[:SESSION_SCANNERS]
 
     def _there(self) -> str:
         """The session of an earlier recording into the folder, with what its user has filled in; empty without one."""

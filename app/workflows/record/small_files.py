@@ -9,7 +9,7 @@ from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.plain_files import append_to
 
-LOG: Final = "record.log"
+RECORD_LOG: Final = "record.log"
 MAX_LINES: Final = 10_000
 """Of the log that wait for the disk, at most; older ones are left out."""
 
@@ -63,12 +63,12 @@ class SmallFiles:
             return
         text = "".join(self._lines[number] for number in range(count))
         try:
-            with append_to(self._folder / LOG) as file:
+            with append_to(self._folder / RECORD_LOG) as file:
                 file.write(text.encode("utf-8", errors="backslashreplace"))
         except (OSError, FurrowmapError) as error:
-            self.faults[LOG] = _words(error)
+            self.faults[RECORD_LOG] = _words(error)
             return
-        self.faults.pop(LOG, None)
+        self.faults.pop(RECORD_LOG, None)
         for _ in range(count):
             self._lines.popleft()
 

@@ -24,7 +24,7 @@ UNKNOWN_BYTES: Final = 4096
 """Bytes of a receiver without a message from which on its settings are wrong."""
 UNSYNCED_S: Final = 1.0
 HOURS_LEFT: Final = 1.0
-MAX_SCANNERS: Final = 4
+SESSION_SCANNERS: Final = 4
 """That a session can have."""
 MAX_EXAMPLES: Final = 4
 """Addresses of others that are named."""
@@ -269,8 +269,11 @@ class Watch:
                 Notice("record-senders", senders=len(senders.ignored_of), examples=listed, ignored=senders.ignored),
             )
         known = [scanner["address"] for scanner in scanners if scanner["maker"]]
-        if len(known) > MAX_SCANNERS:
-            yield "", Notice("record-many-scanners", scanners=len(known), most=MAX_SCANNERS, listed=", ".join(known))
+        if len(known) > SESSION_SCANNERS:
+            yield (
+                "",
+                Notice("record-many-scanners", scanners=len(known), most=SESSION_SCANNERS, listed=", ".join(known)),
+            )
 
     def _of_gnss(self, gnss: Sequence[Mapping[str, Any]], now_s: float) -> Iterator[tuple[str, Notice]]:
         for each, receiver in zip(gnss, self.receivers, strict=True):
