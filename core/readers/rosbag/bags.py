@@ -37,8 +37,8 @@ from furrowmap.core.readers.rosbag.storage import (
     Rosbag1Storage,
 )
 from furrowmap.core.readers.rosbag.topic_content import (
-    LOOKED_AT,
     LOOKED_INTO,
+    MESSAGES_LOOKED_AT,
     SCAN_TYPES,
     TopicContent,
     is_second_scanner,
@@ -526,7 +526,7 @@ class _RosBag(FileReader):
                 )
                 topic.messages += 1
                 topic.first_ns, topic.last_ns = min(topic.first_ns, now), max(topic.last_ns, now)
-                if topic.messages <= LOOKED_AT and topic.type in LOOKED_INTO:
+                if topic.messages <= MESSAGES_LOOKED_AT and topic.type in LOOKED_INTO:
                     topic.content.look(message)
             self._add_notices(*files.notices)
             if not found:

@@ -15,7 +15,7 @@ from furrowmap.core.readers.rosbag import messages as ros
 from furrowmap.core.readers.rosbag.clouds import FIELD_NAMES
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 
-LOOKED_AT: Final = 8
+MESSAGES_LOOKED_AT: Final = 8
 """Messages of each topic that are looked into."""
 SCAN_TYPES: Final = (*ros.PACKET_SCANS, *ros.LIVOX_CLOUDS, ros.POINT_CLOUD, ros.LASER_SCAN)
 """Types of messages with scans, those preferred first."""
