@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_file import TIMES, read_small, split_header, text_rows, unix_time
 from furrowmap.core.readers.epochs import utc_of
+from furrowmap.core.readers.exposure_marks import ExposureMark, marks_beside
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -148,6 +149,8 @@ EXIF, GPS = 0x8769, 0x8825
 ZONE_STEP_S: Final = 900.0
 """Time zones are multiples of this off UTC."""
 PILLOW_FORMATS: Final = ("JPEG", "PNG", "TIFF")
+MARK_AGREES_S: Final = 5.0
+"""EXIF has whole seconds of a camera's clock, which a drone sets by its receiver."""
 MAX_PIXELS: Final = 300_000_000
 """Of the largest aerial cameras; more would exhaust the memory."""
 
@@ -156,9 +159,13 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
     """JPEG, TIFF or PNG files with the times in their EXIF data, those that have one; InputError without Pillow.
 
     The time is DateTimeOriginal with its fraction of a second. Its zone is OffsetTimeOriginal, else the quarters of an
-    hour by which it differs from the time of GPS (UTC) in the file, else UTC.
+    hour by which it differs from the time of GPS (UTC) in the file, else UTC. Exposure times and places that a drone
+    wrote beside the images (:mod:`.exposure_marks`) replace those of EXIF if they agree to :data:`MARK_AGREES_S`.
     """
     expect_pillow()
+    marks = marks_beside(paths)
+    contradicted: list[Path] = []
+    marked: list[ExposureMark] = []
     taken: list[tuple[Path, float, tuple[float, float, float]]] = []
     unreadable: list[Path] = []
     timeless: list[Path] = []
@@ -169,6 +176,18 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
         except Exception:  # noqa: BLE001 (Pillow raises errors of all families on damaged files)
             unreadable.append(path)
             continue
+        mark = marks.get(path)
+        if mark is not None and seconds is not None:
+            apart_s = seconds - mark.t_s
+            apart_s -= 0.0 if zone else ZONE_STEP_S * round(apart_s / ZONE_STEP_S)
+            if abs(apart_s) > MARK_AGREES_S:
+                contradicted.append(path)
+                mark = None
+        if mark is not None:
+            seconds = mark.t_s
+            zone = True
+            place = mark.lon_lat_h if math.isfinite(mark.lon_lat_h[0]) else place
+            marked.append(mark)
         if seconds is None:
             timeless.append(path)
             continue
@@ -181,6 +200,12 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
         )
     if timeless:
         notices.append(Notice("images-without-time", timeless=len(timeless), count=count, timeless_first=timeless[0]))
+    if contradicted:
+        first = contradicted[0]
+        notices.append(Notice("images-marked.contradicted", contradicted=len(contradicted), count=count, first=first))
+    if marked:
+        fixed = sum(mark.is_fixed for mark in marked)
+        notices.append(Notice("images-marked", marked=len(marked), count=count, fixed=fixed))
     if zoneless:
         notices.append(Notice("image-time-zone", zoneless=zoneless, count=count))
     times = np.array([seconds for _, seconds, _ in taken], np.float64)
@@ -264,12 +289,13 @@ def _tags(path: Path) -> tuple[float | None, bool, tuple[float, float, float]]:
 
 
 def _local(text: Any, fraction: Any) -> float | None:
-    """Seconds of `YYYY:MM:DD HH:MM:SS` in its own zone."""
+    """Seconds of `YYYY:MM:DD HH:MM:SS` in its own zone; some programs write its fraction behind it."""
+    whole, _, behind = str(text).strip("\0 ").partition(".")
     try:
-        stamp = dt.datetime.strptime(str(text).strip("\0 "), "%Y:%m:%d %H:%M:%S").replace(tzinfo=dt.UTC)
+        stamp = dt.datetime.strptime(whole, "%Y:%m:%d %H:%M:%S").replace(tzinfo=dt.UTC)
     except ValueError:
         return None
-    digits = str(fraction or "").strip("\0 ")
+    digits = str(fraction or "").strip("\0 ") or behind
     return stamp.timestamp() + (float(f"0.{digits}") if digits.isdecimal() and digits.isascii() else 0.0)
 
 

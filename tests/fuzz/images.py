@@ -79,7 +79,21 @@ def read_map(path: Path) -> None:
     tile_of(open_background(path), *TILE)
 
 
+def marks() -> bytes:
+    """Exposure times beside an image with the number 1."""
+    tail = "35.1,Lat\t139.1,Lon\t99.5,Ellh\t0.01, 0.01, 0.02\t50,Q"
+    return "".join(f"{n}\t{554_000 + n}.5\t[2420]\t 1,N\t 2,E\t 3,V\t{tail}\n" for n in range(1, 9)).encode()
+
+
+def read_marked(path: Path) -> None:
+    """An image beside them."""
+    path = path.parent / "a_0001.jpg"
+    path.write_bytes(photo("JPEG"))
+    exif_images([path], [])
+
+
 IMAGES: Final = (
+    Entry("exposure-marks", lambda _: [{"a_Timestamp.MRK": marks()}], read_marked, trials=50),
     Entry("rosbag-images", bags, read_bag, trials=60),
     Entry("map-tiles", maps, read_map, trials=60),
     Entry("image-table", lambda _: [{"images.csv": table()}], read_table, trials=50),
