@@ -9,6 +9,7 @@ from typing import Any, Final
 from PIL import Image
 
 from furrowmap.core.readers.exif import exif_images, image_size, is_image_table, read_image_table, read_pixels
+from furrowmap.core.readers.exposure_marks import read_marks
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.workflows.live.background import open_background
@@ -86,10 +87,12 @@ def marks() -> bytes:
 
 
 def read_marked(path: Path) -> None:
-    """An image beside them."""
-    path = path.parent / "a_0001.jpg"
-    path.write_bytes(photo("JPEG"))
-    exif_images([path], [])
+    """An image beside them; lines of another form are left out."""
+    image = path.parent / "a_0001.jpg"
+    image.write_bytes(photo("JPEG"))
+    exif_images([image], [])
+    if len(read_marks(path)) < 8:
+        raise InputError("not-an-image", what="A mark is lost.", meaning="EXIF counts.", remedy="Copy it again.")
 
 
 IMAGES: Final = (
