@@ -19,7 +19,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export MYPY_CACHE_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/furrowmap/types
 
 .DEFAULT_GOAL := help
-.PHONY: help demo quick test all-tests fuzz kills setup lint typecheck layout format test-lowest test-open3d test-python bench bench-release bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin release-check web clean
+.PHONY: help demo quick test all-tests fuzz fuzz-sessions kills setup lint typecheck layout format test-lowest test-open3d test-python bench bench-release bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin release-check web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -40,6 +40,9 @@ all-tests: $(INSTALLED)
 
 fuzz: $(INSTALLED)  ## damaged inputs to all readers, or some: make fuzz MINUTES=5 ONLY=laz
 	$(BIN)/python -m tests.fuzz --minutes $(or $(MINUTES),5) $(if $(ONLY),--only $(ONLY)) $(if $(FIRST),--first $(FIRST))
+
+fuzz-sessions: $(INSTALLED)  ## random sessions to the commands: make fuzz-sessions SESSIONS=1000 SEED=1
+	$(BIN)/python -m tests.fuzz_sessions --sessions $(or $(SESSIONS),1000) $(if $(SEED),--seed $(SEED)) $(if $(NUMBER),--number $(NUMBER))
 
 kills: $(INSTALLED)  ## writers killed at random moments, full disks: make kills KILLS=200 ONLY=farm
 	KILLS=$(or $(KILLS),200) $(BIN)/python -m pytest -q -s $(if $(ONLY),-k $(ONLY)) tests/app/test_killed.py $(OTHER_KILLS)

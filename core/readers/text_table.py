@@ -113,6 +113,8 @@ def number_or_text(text: str) -> float | str | None:
 def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
     """A table in a text file, without comments (#); the error of `unreadable` if it cannot be read or is no table."""
     try:
+        if not path.is_file() and path.exists():  # reading a pipe would wait for ever
+            raise unreadable("it is no file")
         return _parse_table(path.read_bytes())
     except (ValueError, OSError) as error:
         raise unreadable(_reason(error)) from None
@@ -125,6 +127,8 @@ def read_sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable
     python-calamine is needed and not installed, RefusedError if a spreadsheet unpacks to far more than its size.
     """
     try:
+        if not path.is_file() and path.exists():  # reading a pipe would wait for ever
+            raise unreadable("it is no file")
         with path.open("rb") as file:
             head = file.read(4)
         size = path.stat().st_size

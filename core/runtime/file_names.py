@@ -1,5 +1,6 @@
 """Names that were read from a file and become paths: they stay inside the folder that they belong to."""
 
+import os
 import re
 import unicodedata
 from pathlib import Path
@@ -41,11 +42,21 @@ def is_relative_name(name: str) -> bool:
     return all(is_file_name(part) for part in name.split("/"))
 
 
+def resolved(path: Path) -> Path:
+    """`path` without links, as far as they can be followed: `Path.resolve` raises RuntimeError for a circle of links.
+
+    Raises OSError or ValueError for a name that no file can have: too long, or with a null byte.
+    """
+    return Path(os.path.realpath(path))
+
+
 def leads_out(path: Path, folder: Path) -> bool:
     """Whether `path`, after following links, is outside `folder`, or cannot be followed."""
     try:
-        return not path.resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError):  # too long, a null byte, or a circle of links
+        place = resolved(path)
+        is_circle = os.path.islink(place)  # noqa: PTH114 (of a name that is too long, too)
+        return is_circle or not place.is_relative_to(resolved(folder))
+    except (OSError, ValueError):  # too long, or a null byte
         return True
 
 

@@ -23,7 +23,7 @@ from furrowmap.core.readers.reader import (
     open_recording,
 )
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.file_names import leads_out
+from furrowmap.core.runtime.file_names import leads_out, resolved
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.camera import camera_of, camera_table, images_of, mounted
 from furrowmap.core.session.file import load_session
@@ -178,12 +178,12 @@ class OpenSession:
     def within(self, polygons: Path) -> "OpenSession":
         """The session with other polygons of the ground to map, which may lie anywhere."""
         try:
-            name = Path(os.path.relpath(polygons.resolve(), self.file.resolve().parent)).as_posix()
+            name = Path(os.path.relpath(resolved(polygons), self.file.resolve().parent)).as_posix()
         except ValueError:  # on another drive of Windows
-            name = polygons.resolve().as_posix()
+            name = resolved(polygons).as_posix()
         field = msgspec.structs.replace(self.session.field, within=name)
         session = msgspec.structs.replace(self.session, field=field)
-        return replace(self, session=session, inputs=replace(self.inputs, within=polygons.resolve()))
+        return replace(self, session=session, inputs=replace(self.inputs, within=resolved(polygons)))
 
     def positions(self) -> Reader:
         """A reader of the GNSS positions, or of the external trajectory; InputError if a file does not give them."""
@@ -298,7 +298,7 @@ def resolve(session_file: Path, named: str) -> Path:
     """
     folder = session_file.resolve().parent
     try:
-        path = (folder / named).resolve()
+        path = resolved(folder / named)
         inside = list(path.iterdir()) if path.is_dir() else []
         # A ROS 2 bag, or task data.
         is_whole = any(

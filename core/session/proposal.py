@@ -27,6 +27,7 @@ from furrowmap.core.readers.reader import (
     ReadOptions,
 )
 from furrowmap.core.runtime.errors import InputError, Notice, printable
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.session.examination import Examined, time_matches
 from furrowmap.core.session.flight import LOOKS, FlownMounting, flight_of
 from furrowmap.core.session.machine import stated, toml_value
@@ -207,7 +208,7 @@ class Proposal:
 
 def common_folder(paths: Sequence[Path]) -> Path:
     """The deepest folder that contains all files. Raises InputError if that is the root of a file system."""
-    folders = {path.resolve().parent for path in paths}
+    folders = {resolved(path).parent for path in paths}
     try:
         common = Path(os.path.commonpath(folders))
     except ValueError:  # on different drives
@@ -632,7 +633,7 @@ def _paths(recordings: Sequence[Examined], folder: Path) -> list[str]:
 def _inside(paths: Sequence[Path], folder: Path) -> list[str]:
     """Paths relative to `folder`. Raises InputError if one is outside."""
     names = []
-    for path in (path.resolve() for path in paths):
+    for path in map(resolved, paths):
         if not path.is_relative_to(folder.resolve()):
             raise InputError("session-path-outside.paths", path=path, folder=folder)
         names.append(path.relative_to(folder.resolve()).as_posix())

@@ -49,6 +49,8 @@ class TrialFiles:
         """Those among files; files of other kinds, and those that cannot be read, are passed over."""
         images, parcels, treatments = None, None, None
         for path in paths:
+            if not path.is_file():  # reading a pipe would wait for ever
+                continue
             if path.suffix.lower() in _VECTORS:
                 parcels = parcels or _parcels(path)
             elif path.suffix.lower() in _TABLES:

@@ -39,6 +39,14 @@ def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -
     refuse_open(folder / name for name in there)
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder for products, if it does not exist. Raises InputError if that is not possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError("output-unwritable", folder=folder, strerror=error.strerror or error) from None
+
+
 @contextmanager
 def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
     """Write products into a staging folder and move them to `folder` together at the end.

@@ -28,6 +28,7 @@ from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.staging import make_folder
 from furrowmap.settings import CleanSettings
 from furrowmap.workflows.clouds.inputs import area_records, box_to_use, input_records, input_rows, open_inputs
 
@@ -68,7 +69,7 @@ def clean(
     box, far = box_to_use(opened, settings.cleaning.box, settings.box_crs, progress)
     cleaning = replace(settings.cleaning, box=box)
     inputs = input_records(opened, progress)
-    target.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(target.parent)
     parameters, surveys = _parameters(cleaning, opened), list[Survey]()
     with closing(clean_points(opened, cleaning, target.parent, surveys.append, progress)) as points:
         origin = ("points of clouds, cleaned", [*inputs, *area_records(opened)], parameters)

@@ -26,6 +26,7 @@ from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.staging import make_folder
 from furrowmap.workflows.clouds.clean import NO_TIME, batch_of, refuse_target, scale_of
 from furrowmap.workflows.clouds.inputs import input_records
 from furrowmap.workflows.run.colours import RunColours
@@ -56,7 +57,7 @@ def colour(
     refuse_target(target, [source], overwrite=overwrite)
     opened = open_session(Path(session))
     clouds = open_clouds([source], None, opened.frame.crs)
-    target.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(target.parent)
     with using(scratch_folder=target.parent):
         figures, unseen = _write(clouds, _frames(opened, notices, progress), target, progress)
     warnings = [*notices, *clouds.notices, *unseen]

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, printable
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.proposal import Proposal, common_folder
@@ -72,11 +73,11 @@ def proposed(
 ) -> tuple[Proposal, list[Notice]]:
     """The proposal of a session file in `folder`, which is not written, and what is not used in it."""
     beside = TrialFiles.among([*paths, *sorted(folder.iterdir() if folder.is_dir() else [])])
-    others = {file.resolve() for _, file in beside.titled}
+    others = {resolved(file) for _, file in beside.titled}
     examined, skipped = [], list[Notice]()
     for path in paths:
         progress(f"Reading {printable(path.name)}", 0.0)
-        if path.resolve() not in others:
+        if resolved(path) not in others:
             examined += _examined(path, others, skipped)
     if not examined:
         raise InputError("no-recording", path=paths[0], names=", ".join(printable(path.name) for path in paths))
@@ -90,7 +91,7 @@ def _examined(path: Path, others: Set[Path], skipped: list[Notice]) -> list[Exam
     found: list[Examined] = []
     names = []
     for file in sorted(path.iterdir()):
-        if file.name.startswith(".") or file.suffix.lower() in NOT_RECORDED or file.resolve() in others:
+        if file.name.startswith(".") or file.suffix.lower() in NOT_RECORDED or resolved(file) in others:
             continue
         if file.is_dir() and not is_recording(file):
             continue

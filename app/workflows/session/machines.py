@@ -16,6 +16,7 @@ from furrowmap.core.session.machine import load_machine, machine_of, machine_tex
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.values.machine import Machine, MachineImplement
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
+from furrowmap.exporters.files.staging import make_folder
 from furrowmap.workflows.share.qgis_plugin import user_data
 
 MACHINES_VARIABLE: Final = "FURROWMAP_MACHINES"
@@ -87,7 +88,7 @@ def _with_copies(machine: Machine, source: Path, target: Path | None, before: Ma
         if tool.learned is not None and target is not None:
             content = resolve(source, tool.learned).read_bytes()
             learned = re.sub(r'[<>:"/\\|?*]', "_", f"{target.stem}{tool.name and ', '}{tool.name}.npz")
-            target.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(target.parent)
             with atomic_output(target.with_name(learned)) as unfinished:
                 unfinished.write_bytes(content)
         tools.append(msgspec.structs.replace(tool, learned=learned))
@@ -120,7 +121,7 @@ def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = 
     with suppress(InputError):  # there is none, or it is damaged
         before = load_machine(target)
     found = msgspec.structs.replace(_with_copies(found, Path(session), target, before), record=before.record)
-    target.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(target.parent)
     write_machine(target, found)
     return KnownMachine(target.stem, target, found)
 

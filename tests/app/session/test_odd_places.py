@@ -1,0 +1,74 @@
+"""Links in a circle, pipes among the files and files in the place of folders: what random sessions found."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import furrowmap
+from furrowmap import InputError
+from furrowmap.core.readers.text_table import read_sheet, read_table
+from furrowmap.core.session.opened import open_session
+from tests.core.readers.test_nmea import gga, write
+
+SESSION = """furrowmap = 1
+[recording]
+gnss = ["gnss.nmea"]
+[crs]
+map = "EPSG:6677"
+[implement]
+width_m = 1.7
+xy_m = [-1.6, 0.0]
+states = ["states.csv"]
+[field]
+boundary = "circle.geojson"
+"""
+
+
+def circle(path: Path) -> Path:
+    """A link that leads to itself."""
+    path.symlink_to(path.name)
+    return path
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need rights there")
+def test_a_circle_of_links__is_no_file(tmp_path: Path) -> None:
+    (tmp_path / "session.toml").write_text(SESSION)
+    for name in ("gnss.nmea", "states.csv"):
+        (tmp_path / name).write_text("")
+    circle(tmp_path / "circle.geojson")
+    with pytest.raises(InputError) as refused:
+        open_session(tmp_path / "session.toml")
+    assert refused.value.code == "session-path-outside"
+    with pytest.raises(InputError) as refused:
+        furrowmap.propose_session([tmp_path / "circle.geojson"], tmp_path / "other.toml")
+    assert refused.value.code == "no-such-file"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+@pytest.mark.parametrize("name", ["treatments.csv", "treatments.xlsx", "images.csv", "parcels.geojson"])
+def test_a_pipe_beside_a_recording__is_passed_over(name: str, tmp_path: Path) -> None:
+    write(tmp_path, *(gga(f"08000{k}.00") for k in range(5)), name="gnss.nmea")
+    os.mkfifo(tmp_path / name)
+    proposed = furrowmap.propose_session([tmp_path / "gnss.nmea"])
+    assert name not in proposed.path.read_text(encoding="utf-8")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+@pytest.mark.parametrize("read", [read_sheet, read_table])
+def test_a_pipe_as_a_table__is_refused(read: Callable[..., object], tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(ValueError, match="it is no file"):
+        read(tmp_path / "pipe.csv", ValueError)
+
+
+def test_a_file_in_the_place_of_results__is_named(tmp_path: Path) -> None:
+    (tmp_path / "results").write_text("a file")
+    (tmp_path / "session.toml").write_text(SESSION)
+    with pytest.raises(InputError) as refused:
+        furrowmap.batch([tmp_path], tmp_path / "results" / "below")
+    assert refused.value.code == "output-unwritable"
+    assert "results" in refused.value.what
