@@ -29,11 +29,22 @@ def prepare_process() -> None:
     keep_collections_rare()
 
 
+def keep_out_current_folder() -> None:
+    """Let the programs that this one starts import nothing from the current folder, which may be a stranger's.
+
+    Python's own worker processes would: one that is started with ``-c`` looks there first, also for
+    ``multiprocessing``. On Windows, programs themselves are looked for there.
+    """
+    os.environ["PYTHONSAFEPATH"] = "1"
+    os.environ["NODEFAULTCURRENTDIRECTORYINEXEPATH"] = "1"
+
+
 def keep_kernels() -> None:
     """Set numba's cache of compiled kernels to a folder of this user; call it before numba is imported.
 
-    A folder already set is respected. Where the user may write nowhere, a temporary folder serves this process, because
-    numba does not load kernels that it cannot cache.
+    numba unpickles what is there, so nobody else may write to it. A folder already set is respected. Where the user has
+    no folder of their own, a temporary one serves this process, because numba does not load kernels that it cannot
+    cache.
     """
     os.environ.setdefault(_LOCATORS_VARIABLE, _LOCATORS)
     os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")  # of calls tried: 4 % of a compilation
@@ -44,11 +55,24 @@ def keep_kernels() -> None:
     folder = _caches() / "furrowmap" / "kernels"
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        _expect_private(folder.parent)
+        _expect_private(folder)
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError:
         folder = Path(tempfile.mkdtemp(prefix="furrowmap-kernels-"))
     os.environ[CACHE_VARIABLE] = str(folder)
+
+
+def _expect_private(folder: Path) -> None:
+    """Take a folder of ours from all others; PermissionError if it is not this user's (on Windows, profiles are)."""
+    if sys.platform == "win32":
+        return
+    found = folder.stat()
+    if found.st_uid != os.geteuid():
+        raise PermissionError(f"{folder} belongs to another user")
+    if found.st_mode & 0o077:
+        folder.chmod(0o700)
 
 
 def keep_blas_single() -> None:

@@ -374,7 +374,7 @@ class BatchSettings:
         machine: Machine that made recordings without a session: the name of a saved one, or its profile.
         boundaries: Fields: each recording is run once for each field that it enters, from entering to leaving.
         workers: Number of worker processes [default: by cores and memory].
-        scheduler: Running Dask scheduler whose workers are used: tcp://HOST:PORT.
+        scheduler: Running Dask scheduler whose workers are used: tls://HOST:PORT, or tcp:// without protection.
     """
 
     machine: str | Path | None = setting("--machine", "NAME|FILE")
@@ -394,7 +394,7 @@ class SeasonSettings:
         spacing_m: Point spacing that is sufficient; 0 for all points.
         most_rows: Maximum number of rows of a Parquet file.
         workers: Number of worker processes [default: by cores and memory].
-        scheduler: Running Dask scheduler whose workers are used: tcp://HOST:PORT.
+        scheduler: Running Dask scheduler whose workers are used: tls://HOST:PORT, or tcp:// without protection.
     """
 
     content: Sequence[str] = setting(

@@ -74,7 +74,7 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
         if command and own and threads() > 1:
             options = ["--quiet", "--threads", str(threads() - 1)]
             helper = subprocess.Popen(  # noqa: S603 (this interpreter)
-                [sys.executable, "-m", "furrowmap", "warm-up", command, *options],
+                [sys.executable, "-P", "-m", "furrowmap", "warm-up", command, *options],
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             )  # fmt: skip
 

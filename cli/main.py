@@ -19,6 +19,7 @@ from furrowmap.cli.options import CommandGroup
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError, as_furrowmap_error
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.settings import using
+from furrowmap.process import keep_out_current_folder
 
 COMMANDS: Final = {
     "init": "session", "inspect": "session", "record": "record", "run": "run", "live": "live", "batch": "batch",
@@ -101,6 +102,7 @@ def _put_versions(*, as_json: bool) -> None:
 
 def main() -> NoReturn:
     """The console command."""
+    keep_out_current_folder()
     sys.unraisablehook = drop_interrupt
     signal.signal(signal.SIGINT, INTERRUPTION)
     signal.signal(signal.SIGTERM, INTERRUPTION)

@@ -131,7 +131,7 @@ def _viewer(folder: Path) -> Iterator[None]:
     folder.mkdir(parents=True, exist_ok=True)
     with suppress(OSError):
         (folder / "status.json").unlink()  # of an earlier recording, which ended
-    command = [sys.executable, "-m", "furrowmap", "live", str(folder)]
+    command = [sys.executable, "-P", "-m", "furrowmap", "live", str(folder)]
     viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 (this interpreter)
     try:
         yield

@@ -23,7 +23,7 @@ from typing import Any
 from qgis.PyQt.QtCore import QCoreApplication
 
 from .interpreter import command_of, environment_folder
-from .platforms import listed_pythons, python_candidates, python_in
+from .platforms import listed_pythons, program_on_path, python_candidates, python_in
 from .program import ProgramError, run_program
 from .worker import WorkerError, greet
 
@@ -165,7 +165,7 @@ def check(program: Sequence[str], on_line: OnLine, is_cancelled: IsCancelled) ->
 def base_python(is_cancelled: IsCancelled) -> str:
     """A Python that can create environments: QGIS's own, else one on the search path; else InstallError."""
     candidates = python_candidates(sys.platform, Path(sys.executable or ""), Path(sys.base_prefix))
-    if sys.platform == "win32" and (launcher := shutil.which("py")):
+    if sys.platform == "win32" and (launcher := program_on_path("py")):
         with suppress(ProgramError):
             candidates += listed_pythons(run_program([launcher, "--list-paths"], lambda _line: None, is_cancelled))
     for candidate in dict.fromkeys(candidates):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,7 +16,7 @@ from pathlib import Path
 from qgis.core import QgsApplication, QgsSettings
 from qgis.PyQt.QtCore import QCoreApplication, QStandardPaths
 
-from .platforms import python_in
+from .platforms import program_on_path, python_in
 
 tr = partial(QCoreApplication.translate, "Interpreter")
 
@@ -45,7 +44,7 @@ def find_interpreter() -> Interpreter | None:
         return Interpreter(command_of(installed), "installed")
     if python_in(environment_folder()).is_file():
         return Interpreter(command_of(environment_folder()), "created")
-    found = shutil.which("furrowmap")
+    found = program_on_path("furrowmap")
     return Interpreter((found,), "found") if found else None
 
 

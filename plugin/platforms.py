@@ -6,6 +6,7 @@ Functions take the platform, as `sys.platform` names it, as an argument, so that
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import sys
@@ -57,6 +58,18 @@ def own_prefix(application: PurePath, platform: str = sys.platform) -> PurePath 
     return None if application.as_posix() in ("/usr", "/usr/local") else application
 
 
+def program_on_path(name: str) -> str | None:
+    """The path of a program in one of the folders of PATH; None if it is in none of them.
+
+    Never one of the current folder, where Windows looks first: QGIS may have been started in that of a project.
+    """
+    for folder in os.get_exec_path():
+        found = shutil.which(name, path=folder) if Path(folder).is_absolute() else None
+        if found is not None and Path(found).is_absolute():
+            return found
+    return None
+
+
 def user_data(platform: str, variables: Mapping[str, str], home: Path) -> Path:
     """The data folder of this user, the same as that of the command line."""
     if platform == "win32":
@@ -76,7 +89,7 @@ def python_candidates(platform: str, executable: PurePath, prefix: Path, root: P
     stem = executable.stem if platform == "win32" else executable.name
     found: list[PurePath] = [executable] if re.fullmatch(r"python[\d.]*", stem.lower()) else []
     found += [path for name in ("python.exe", "bin/python3") if (path := prefix / name).is_file()]
-    found += [Path(path) for path in map(shutil.which, ("python3", "python")) if path]
+    found += [Path(path) for path in map(program_on_path, ("python3", "python")) if path]
     if platform == "darwin":  # programs of the desktop have a PATH without these
         versions = (root / "Library" / "Frameworks" / "Python.framework" / "Versions").glob("3.*/bin/python3")
         found += sorted(versions, key=lambda path: int(path.parents[1].name[2:]), reverse=True)

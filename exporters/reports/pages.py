@@ -18,6 +18,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 
 from furrowmap.core.geodesy.local_time import clock_words, in_local_time
 from furrowmap.core.runtime.errors import RefusedError, printable
+from furrowmap.core.runtime.programs import program_on_path
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.exporters.files.atomic import atomic_output
@@ -44,8 +45,13 @@ MAX_PRINT_S: Final = 120.0
 def browser() -> str | None:
     """The path of a browser that prints; None if there is none."""
     stated = os.environ.get(BROWSER_VARIABLE)
-    names = (stated,) if stated else BROWSERS
-    return next((found for name in names if (found := shutil.which(name)) is not None), None)
+    if stated:
+        return shutil.which(stated)
+    return next((found for name in BROWSERS if (found := _browser_at(name)) is not None), None)
+
+
+def _browser_at(place: str) -> str | None:
+    return shutil.which(place) if Path(place).is_absolute() else program_on_path(place)
 
 
 def write_pdf(path: Path, page: str) -> None:

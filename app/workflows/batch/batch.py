@@ -59,7 +59,7 @@ from furrowmap.workflows.batch.places import (
     store_failure,
 )
 from furrowmap.workflows.batch.sources import BatchSource, assign_names, find_sources, stamp
-from furrowmap.workflows.batch.workforce import Workforce
+from furrowmap.workflows.batch.workforce import Workforce, unprotected
 from furrowmap.workflows.run.run import run_opened
 from furrowmap.workflows.session.machines import machine_file
 
@@ -321,7 +321,7 @@ class _Batch:
         *,
         dry_run: bool,
     ) -> _Plan:
-        plan = _Plan()
+        plan = _Plan(notices=[*unprotected(self.settings.scheduler)])
         prepared = self._prepare(sources, state, force, plan, dry_run=dry_run)
         wanted, made = [], {}
         for source in sources:

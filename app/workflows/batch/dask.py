@@ -1,20 +1,28 @@
-"""Dask's workers for a batch: processes of this machine, or those of a running cluster."""
+"""Dask's workers for a batch: processes of this machine, or those of a running cluster.
+
+Whoever may connect to a scheduler or to a worker of Dask may run any code there: what they exchange is pickled. Those
+of this machine listen on its loopback only, speak TLS, and accept nothing without the certificate that is made for them
+when they start. Dask keeps it in their memory, and for the moment of loading in a folder of this user alone.
+"""
 
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from secrets import token_hex
+from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any, Final
 
 from dask import config
 from distributed import Client, LocalCluster, WorkerPlugin, wait
 from distributed.scheduler import KilledWorker
+from distributed.security import Security
 
-from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.errors import FurrowmapError, UsageError
 from furrowmap.process import prepare_process
 from furrowmap.workflows.batch.engine import ATTEMPTS, TICK_S, Found, Item, WorkerDied
+from furrowmap.workflows.batch.workforce import TLS
 
 IN_HAND: Final = 4
 """Items for each worker that the scheduler has at a time: more would only take its memory."""
@@ -31,6 +39,9 @@ _QUIET: Final = {
     "distributed.admin.system-monitor.interval": "2s",
 }
 """Dask's watching of tasks of some milliseconds: in a run of seconds it only takes the interpreter from it."""
+_LOOPBACK: Final = "127.0.0.1"
+_NO_PAGES: Final = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+"""Dask starts its HTTP servers in any case; without these routes they have no page."""
 
 
 class WorkerSetup(WorkerPlugin):
@@ -128,19 +139,30 @@ class DaskWorkers:
 def local_cluster(workers: int, say: Callable[[str], None]) -> Iterator[DaskWorkers]:
     """Workers that are processes of this machine, and end with it; its memory is divided among them."""
     with ExitStack() as stack:
-        stack.enter_context(config.set(_QUIET))
-        cluster = stack.enter_context(_worker_processes(workers))
-        say(f"{workers} workers; dashboard: {cluster.dashboard_link}")
+        stack.enter_context(config.set({**_QUIET, **_NO_PAGES}))
+        folder = stack.enter_context(TemporaryDirectory(prefix="furrowmap-dask-", ignore_cleanup_errors=True))
+        cluster = stack.enter_context(_worker_processes(workers, folder))
+        say(f"{workers} workers")
         engine = DaskWorkers(lambda: Client(cluster, timeout=_CONNECT_TIMEOUT_S))
         stack.callback(engine.close)
         yield engine
 
 
-def _worker_processes(workers: int) -> LocalCluster:
+def _worker_processes(workers: int, folder: str) -> LocalCluster:
+    """A cluster of this machine; what its workers put on the disk goes to `folder`, not to one that users share."""
+    security = Security.temporary()
     for left in reversed(range(ATTEMPTS)):
         try:
             return LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, memory_limit="auto", dashboard_address=":0"
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                memory_limit="auto",
+                host=_LOOPBACK,
+                security=security,
+                dashboard_address=f"{_LOOPBACK}:0",
+                scheduler_kwargs={"dashboard": False},
+                local_directory=folder,
             )
         except RuntimeError as error:
             if not left:
@@ -150,7 +172,12 @@ def _worker_processes(workers: int) -> LocalCluster:
 
 @contextmanager
 def cluster_of_scheduler(address: str, say: Callable[[str], None]) -> Iterator[DaskWorkers]:
-    """The workers of a running scheduler; FurrowmapError if it cannot be reached."""
+    """The workers of a running scheduler; FurrowmapError if it cannot be reached.
+
+    For tls:// addresses Dask takes the certificates that its own configuration states; UsageError if it states none.
+    """
+    if address.startswith(TLS) and config.get("distributed.comm.tls.client.cert") is None:
+        raise UsageError("usage.scheduler-certificate", address=address)
     try:
         engine = DaskWorkers(lambda: Client(address, timeout=_CONNECT_TIMEOUT_S))
     except (OSError, TimeoutError, ValueError) as error:

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, printable
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError, printable
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import SessionOutcome, Stamp, same_files
@@ -23,6 +23,9 @@ from furrowmap.exporters.files.lease import PREFIX
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
 from furrowmap.workflows.batch.sources import BatchSource, holds_scans
 
+SCHEMES: Final = ("s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "oss", "sftp", "ssh", "smb", "memory")
+"""Stores, and folders of servers that one logs in to. fsspec also opens files of this machine, web pages, whose
+redirections and links lead anywhere, and what needs a second address, such as zip:// and reference://."""
 MARKER: Final = "complete.json"
 """The file of a result in a store that is written last: what became of the session."""
 STORE_BEAT_S: Final = 5.0
@@ -150,7 +153,14 @@ class Store:
         return {posixpath.basename(posixpath.dirname(path)) for path in system.glob(f"{root}/*/{MARKER}")}
 
     def _opened(self) -> tuple[Any, str]:
-        """The file system and the path in it."""
+        """The file system and the path in it.
+
+        UsageError for what is no store. "::" is refused also in names that a store lists: fsspec goes on from there to
+        a second address.
+        """
+        scheme = self.url.partition("://")[0]
+        if scheme not in SCHEMES or "::" in self.url:
+            raise UsageError("usage.batch-url", url=self.shown, scheme=scheme, schemes=", ".join(SCHEMES))
         try:
             from fsspec.core import url_to_fs
 

@@ -6,7 +6,7 @@ from functools import partial
 from importlib.util import find_spec
 from typing import Any, Final, Self
 
-from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.runtime.memory import free_memory_bytes
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.runtime.settings import (
@@ -23,6 +23,16 @@ from furrowmap.workflows.batch.engine import Engine, Found, Item, OneProcess, Wo
 BYTES_A_WORKER: Final = 3 << 30
 """Free memory for each worker: a run of 77 million points takes 1.3 GB (docs/development/benchmarks.md)."""
 
+TLS: Final = "tls://"
+"""How the address of a scheduler begins that takes work from those with its certificate only."""
+
+
+def unprotected(scheduler: str | None) -> tuple[Notice, ...]:
+    """A warning if anybody who reaches the scheduler may run code on its workers, and in this process."""
+    if scheduler is None or scheduler.startswith(TLS):
+        return ()
+    return (Notice("scheduler-unprotected", address=scheduler),)
+
 
 class Workforce:
     """The engine of a batch, started when there is work for it, and what each run may use.
@@ -33,9 +43,10 @@ class Workforce:
 
     def __init__(self, workers: int | None, scheduler: str | None, say: Callable[[str], None]) -> None:
         has_dask = find_spec("distributed") is not None
-        if not has_dask and (scheduler is not None or (workers or 1) > 1):
+        may_start = has_dask and find_spec("cryptography") is not None  # it makes the certificate of own workers
+        if (scheduler is not None and not has_dask) or ((workers or 1) > 1 and not may_start):
             raise RefusedError("no-dask")
-        fitting = max(1, min(available_processors(), free_memory_bytes() // BYTES_A_WORKER)) if has_dask else 1
+        fitting = max(1, min(available_processors(), free_memory_bytes() // BYTES_A_WORKER)) if may_start else 1
         self.workers = workers or fitting
         self._scheduler, self._say = scheduler, say
         self._stack = ExitStack()

@@ -1,7 +1,6 @@
 """Post-processed GNSS positions by RTKLIB's `rnx2rtkp`."""
 
 import re
-import shutil
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import look
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.runtime.programs import program_on_path
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -64,7 +64,7 @@ def solve_gnss(
         RefusedError: if the solution exists.
         FurrowmapError: if RTKLIB is not installed.
     """
-    program = shutil.which(PROGRAM)
+    program = program_on_path(PROGRAM)
     if program is None:
         raise FurrowmapError("no-rtklib")
     rover, base = Path(rover), Path(base)

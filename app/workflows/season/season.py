@@ -43,7 +43,7 @@ from furrowmap.exporters.rasters.cog import Band
 from furrowmap.exporters.rasters.windows import enclosing, shared_cells
 from furrowmap.settings import SeasonSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS
-from furrowmap.workflows.batch.workforce import Workforce
+from furrowmap.workflows.batch.workforce import Workforce, unprotected
 from furrowmap.workflows.season.sources import SeasonSession, find_sessions, season_crs
 from furrowmap.workflows.season.tasks import MosaicTile, Part, SessionTables, write_part
 from furrowmap.workflows.share.export import refuse_result
@@ -305,7 +305,7 @@ def season(
     tiles = sum(len(accounts[name]["files"]) for name, part in parts.items() if part.grid is not None)
     dates = tuple(sorted({session.date.isoformat() for session in sessions}))
     counts = (len(sessions), tiles, rows[0], rows[1], len(due), unchanged)
-    return Season(folder, name_of(crs), dates, *counts, (*notices, *changes))
+    return Season(folder, name_of(crs), dates, *counts, (*unprotected(settings.scheduler), *notices, *changes))
 
 
 def _content(settings: SeasonSettings) -> tuple[str, ...]:
