@@ -82,6 +82,40 @@ def test_no_place_to_write__serves_this_run(tmp_path: Path, monkeypatch: pytest.
     assert Path(os.environ[CACHE_VARIABLE]).is_dir()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there, the profile of a user is private")
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o755])
+def test_promise_23__no_other_user_can_write_what_is_unpickled(
+    mode: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """numba unpickles kernels: their folder is taken from all others, whatever it was made with."""
+    folder = tmp_path / "furrowmap" / "kernels"
+    folder.mkdir(parents=True)
+    for made in (folder, folder.parent):
+        made.chmod(mode)
+    monkeypatch.delenv(CACHE_VARIABLE, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    keep_kernels()
+    assert os.environ[CACHE_VARIABLE] == str(folder)
+    assert {made.stat().st_mode & 0o777 for made in (folder, folder.parent)} == {0o700}
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away")
+@pytest.mark.parametrize("planted", ["furrowmap", "furrowmap/kernels"])
+def test_promise_23__kernels_that_another_user_has_planted_are_not_unpickled(
+    planted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a cache folder that users share, as XDG_CACHE_HOME=/tmp makes it."""
+    (tmp_path / "furrowmap" / "kernels").mkdir(parents=True)
+    os.chown(tmp_path / planted, 65534, 65534)
+    monkeypatch.delenv(CACHE_VARIABLE, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    keep_kernels()
+    found = Path(os.environ[CACHE_VARIABLE])
+    assert found.parent == tmp_path
+    assert found.stat().st_mode & 0o777 == 0o700
+
+
 def test_compilation__is_reported_once_and_only_when_it_happens(tmp_path: Path) -> None:
     (tmp_path / "kernels_to_compile.py").write_text(KERNEL)
     environment = {name: value for name, value in os.environ.items() if name != CACHE_VARIABLE}

@@ -51,6 +51,7 @@ from furrowmap.workflows.batch.jobs import Job, PreparedSource, identity, key_of
 from furrowmap.workflows.batch.places import (
     Store,
     earlier_in_store,
+    expect_store,
     fetch_session,
     find_remote,
     is_url,
@@ -240,6 +241,8 @@ def batch(
         FurrowmapError: if the scheduler cannot be reached.
     """
     remote = [str(folder) for folder in folders if is_url(folder)]
+    for place in (*remote, *([str(results)] if is_url(results) else ())):
+        expect_store(place)
     with ExitStack() as stack:
         target = Path(stack.enter_context(scratch())) if is_url(results) else Path(results)
         sources = find_sources([Path(folder) for folder in folders if not is_url(folder)], target)

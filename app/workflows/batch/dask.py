@@ -139,8 +139,8 @@ class DaskWorkers:
 def local_cluster(workers: int, say: Callable[[str], None]) -> Iterator[DaskWorkers]:
     """Workers that are processes of this machine, and end with it; its memory is divided among them."""
     with ExitStack() as stack:
-        stack.enter_context(config.set({**_QUIET, **_NO_PAGES}))
         folder = stack.enter_context(TemporaryDirectory(prefix="furrowmap-dask-", ignore_cleanup_errors=True))
+        stack.enter_context(config.set({**_QUIET, **_NO_PAGES, "temporary-directory": folder}))
         cluster = stack.enter_context(_worker_processes(workers, folder))
         say(f"{workers} workers")
         engine = DaskWorkers(lambda: Client(cluster, timeout=_CONNECT_TIMEOUT_S))

@@ -42,6 +42,13 @@ def is_url(place: str | Path) -> bool:
     return "://" in str(place)
 
 
+def expect_store(url: str) -> None:
+    """UsageError if a URL is not one of a store, or has "::" in it: fsspec goes on from there to a second address."""
+    scheme = url.partition("://")[0]
+    if scheme not in SCHEMES or "::" in url:
+        raise UsageError("usage.batch-url", url=without_passwords(url), scheme=scheme, schemes=", ".join(SCHEMES))
+
+
 @dataclass(frozen=True)
 class Store:
     """A folder in a store; `url` has no slash at its end."""
@@ -153,14 +160,8 @@ class Store:
         return {posixpath.basename(posixpath.dirname(path)) for path in system.glob(f"{root}/*/{MARKER}")}
 
     def _opened(self) -> tuple[Any, str]:
-        """The file system and the path in it.
-
-        UsageError for what is no store. "::" is refused also in names that a store lists: fsspec goes on from there to
-        a second address.
-        """
-        scheme = self.url.partition("://")[0]
-        if scheme not in SCHEMES or "::" in self.url:
-            raise UsageError("usage.batch-url", url=self.shown, scheme=scheme, schemes=", ".join(SCHEMES))
+        """The file system and the path in it."""
+        expect_store(self.url)  # names that a store lists are in it as well
         try:
             from fsspec.core import url_to_fs
 

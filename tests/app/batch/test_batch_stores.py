@@ -11,7 +11,7 @@ import pytest
 from moto.server import ThreadedMotoServer
 
 import furrowmap
-from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.exporters.files.batch_state import STATE
 from furrowmap.workflows.batch.batch import run_job
 from furrowmap.workflows.batch.jobs import Job
@@ -77,9 +77,42 @@ def test_store__that_holds_nothing_or_cannot_be_opened_is_an_error(tmp_path: Pat
     assert unknown.value.code == "no-fsspec"
     text = 'furrowmap = 1\n[recording]\nlidar = ["a"]\ngnss = ["b"]\n[crs]\nmap = "EPSG:6677"\n'
     url = "memory://nothing"
-    gone = run_job(Job("n", f"{url}/session.toml", text, "", url=url, results_url="bad://x"))
+    gone = run_job(Job("n", f"{url}/session.toml", text, "", url=url, results_url="s3://no bucket/x"))
     assert gone.failure is not None
     assert gone.failure.code == "batch-store"
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "file:///etc", "local:///etc", "http://169.254.169.254/latest", "https://example.org", "ftp://example.org",
+        "github://owner:repository@main", "simplecache::s3://bucket/x", "s3://bucket/x::file:///etc",
+        "zip://x::http://127.0.0.1/a.zip", "reference://x", "data://x", "dask://x", "bad://x",
+    ],
+)  # fmt: skip
+def test_promise_23__only_stores_are_opened(place: str, tmp_path: Path) -> None:
+    for folders, results in (([place], tmp_path / "results"), ([tmp_path], place)):
+        with pytest.raises(UsageError) as refused:
+            furrowmap.batch(folders, results, ONE)
+        assert refused.value.lines[0].startswith(place.partition(":")[0])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_promise_23__names_in_a_store_lead_to_no_other_address(tmp_path: Path) -> None:
+    """fsspec takes what follows "::" in a path as an address: here that of a file of this machine."""
+    (tmp_path / "session.toml").write_text("secret = 1")
+    system, bucket = fsspec.filesystem("memory"), "/chained"
+    name = f"{bucket}/x::file://{tmp_path}/session.toml"
+    system.makedirs(name.rpartition("/")[0], exist_ok=True)
+    system.pipe_file(name, b"furrowmap = 1")
+    system.pipe_file(f"{bucket}/y/session.toml", b"furrowmap = 1")
+    done = furrowmap.batch([f"memory:/{bucket}"], tmp_path / "results", ONE)
+    told = {row.file: row.outcome.failure for row in done.sessions}
+    assert len(told) == 2
+    codes = {file.partition("/chained/")[2][:1]: failure.code for file, failure in told.items() if failure}
+    assert codes["x"] == "usage"
+    assert codes["y"] != "usage"
+    assert "secret" not in repr(told)
 
 
 def test_password__of_a_url_is_in_no_file_of_the_batch(tmp_path: Path) -> None:

@@ -1,0 +1,176 @@
+"""Programs under watch: what they and all that they start connect to, listen on, start, unpickle and make in TMPDIR.
+
+Python reports these events to audit hooks (PEP 578); the hook is in `sitecustomize`, which each Python that is started
+imports. strace reports the calls of native libraries as well, where there is one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+HOOK = """
+import os, sys
+
+def install(folder=os.environ["WATCHED"], temporary=os.environ["TMPDIR"]):
+    import json
+
+    file = os.open(os.path.join(folder, f"{os.getpid()}.jsonl"), os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    here = sys._getframe().f_code.co_filename
+
+    def put(event, **what):
+        os.write(file, (json.dumps({"pid": os.getpid(), "event": event, **what}) + "\\n").encode())
+
+    def caller():
+        frame = sys._getframe(2)
+        while frame is not None and os.path.basename(frame.f_code.co_filename) in ("pickle.py", "cloudpickle.py"):
+            frame = frame.f_back
+        return "" if frame is None else frame.f_code.co_filename
+
+    def watch(event, arguments):
+        if event in ("socket.connect", "socket.bind", "socket.sendto"):
+            put(event, address=str(arguments[1]) if not isinstance(arguments[1], tuple) else list(arguments[1][:2]),
+                kind=int(getattr(arguments[0], "type", 0)))
+        elif event in ("socket.getaddrinfo", "socket.gethostbyname", "socket.gethostbyaddr"):
+            put(event, address=[os.fsdecode(arguments[0] or ""), 0])
+        elif event == "subprocess.Popen":
+            put(event, program=os.fsdecode(arguments[0] or arguments[1][0]))
+        elif event in ("os.system", "os.startfile", "webbrowser.open"):
+            put(event, program=os.fsdecode(arguments[0]))
+        elif event in ("os.exec", "os.posix_spawn"):
+            put(event, program=os.fsdecode(arguments[0]))
+        elif event == "pickle.find_class":
+            put(event, caller=caller(), name=f"{arguments[0]}.{arguments[1]}")
+        elif event in ("sqlite3.enable_load_extension", "sqlite3.load_extension"):
+            put(event, name=str(arguments[1]))
+        elif event in ("open", "os.mkdir") and isinstance(arguments[0], str):
+            if os.path.dirname(arguments[0]) == temporary:
+                put(event, path=arguments[0], mode=arguments[1],
+                    flags=arguments[2] if event == "open" else 0)
+
+    put("start", program=sys.executable)
+    sys.addaudithook(watch)
+
+install()
+del install
+"""
+"""No part of it may raise, nor leave names to the program."""
+CALL = re.compile(r"^(\d+) +(connect|bind)\(\d+, \{sa_family=AF_INET6?, (.*)")
+EXECUTION = re.compile(r'^(\d+) +execve\("((?:[^"\\]|\\.)*)"(.*)$')
+RESUMED = re.compile(r"^(\d+) +<\.\.\. execve resumed>.* = 0$")
+PORT = re.compile(r"sin6?_port=htons\((\d+)\)")
+ADDRESS = re.compile(r'inet_(?:addr\(|pton\(AF_INET6, )"([^"]+)"')
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What was seen of a program and all that it started.
+
+    Attributes:
+        status: its exit status.
+        said: standard output and error.
+        connected: hosts and ports of TCP or UDP; port 0 where a host was looked up.
+        bound: addresses and ports.
+        programs: paths of what was started, its own interpreter as well.
+        unpickled: names of classes and functions that were unpickled, by the file whose code did it.
+        extensions: calls to load extensions of SQLite.
+        imported: for whom hostile modules are put somewhere: what they noted.
+        shared: what was made directly in TMPDIR so that another user could have made it before, or write to it.
+    """
+
+    status: int
+    said: str
+    connected: set[tuple[str, int]] = field(default_factory=set)
+    bound: set[tuple[str, int]] = field(default_factory=set)
+    programs: set[str] = field(default_factory=set)
+    unpickled: dict[str, set[str]] = field(default_factory=dict)
+    extensions: set[str] = field(default_factory=set)
+    imported: str = ""
+    shared: set[str] = field(default_factory=set)
+
+
+@cache
+def strace() -> str | None:
+    """The path of an strace that works here."""
+    program = shutil.which("strace") if sys.platform == "linux" else None
+    if program is None:
+        return None
+    probe = [program, "-f", "--seccomp-bpf", "-e", "trace=bind", "true"]
+    return program if subprocess.run(probe, capture_output=True, check=False).returncode == 0 else None
+
+
+def watched(
+    words: Sequence[str | Path],
+    folder: Path,
+    scratch: Path,
+    given: str = "",
+    variables: Mapping[str, str] = MappingProxyType({}),
+) -> Seen:
+    """Run a program in `folder` with an input and variables of the environment; TMPDIR and notes are in `scratch`."""
+    start, notes, temporary = (scratch / name for name in ("start", "notes", "temporary"))
+    for made in (start, notes, temporary):
+        shutil.rmtree(made, ignore_errors=True)
+        made.mkdir(parents=True)
+    (start / "sitecustomize.py").write_text(HOOK)
+    trace = scratch / "trace"
+    trace.write_text("")
+    options = ["-f", "-qq", "--seccomp-bpf", "-e", "trace=connect,bind,execve", "-s", "4096", "-o", trace]
+    done = subprocess.run(
+        [*([strace(), *options] if strace() else ()), *words],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(start), "WATCHED": str(notes), "TMPDIR": str(temporary), **variables},
+        input=given.encode(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=600.0,
+        check=False,
+    )
+    seen = Seen(done.returncode, done.stdout.decode(errors="replace"))
+    for path in notes.iterdir():
+        for line in path.read_text().splitlines():
+            _add_event(seen, json.loads(line))
+    _add_calls(seen, trace.read_text(errors="replace").splitlines())
+    return seen
+
+
+def _add_event(seen: Seen, event: dict[str, Any]) -> None:
+    """What an audit hook noted."""
+    if isinstance(address := event.get("address"), list):
+        to = seen.bound if event["event"] == "socket.bind" else seen.connected
+        to.add((str(address[0]), int(address[1])))
+    elif "program" in event:
+        seen.programs.add(event["program"])
+    elif "caller" in event:
+        seen.unpickled.setdefault(event["caller"], set()).add(event["name"])
+    elif "path" in event:
+        writes, own = event["flags"] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT), event["flags"] & os.O_EXCL
+        if (event["event"] == "os.mkdir" and event["mode"] != 0o700) or (writes and not own):
+            seen.shared.add(event["path"])
+    else:
+        seen.extensions.add(event["event"])
+
+
+def _add_calls(seen: Seen, lines: Sequence[str]) -> None:
+    """What strace noted."""
+    begun: dict[str, str] = {}
+    for line in lines:
+        if found := CALL.match(line):
+            place, port = ADDRESS.search(found[3]), PORT.search(found[3])
+            if place and port:
+                (seen.bound if found[2] == "bind" else seen.connected).add((place[1], int(port[1])))
+        elif found := EXECUTION.match(line):
+            if found[3].endswith(" = 0"):
+                seen.programs.add(found[2])
+            begun[found[1]] = found[2]
+        elif found := RESUMED.match(line):
+            seen.programs.add(begun[found[1]])
