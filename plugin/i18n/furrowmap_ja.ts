@@ -322,7 +322,7 @@
   <message><source>Rows</source><translation>行数</translation></message>
   <message><source>Rows or columns of a block</source><translation>1 ブロックの行数または列数</translation></message>
   <message><source>Run a session</source><translation>セッションの実行</translation></message>
-  <message><source>Running Dask scheduler whose workers are used: tcp://HOST:PORT.</source><translation>使用するワーカーを持つ、動作中の Dask スケジューラー：tcp://HOST:PORT。</translation></message>
+  <message><source>Running Dask scheduler whose workers are used: tls://HOST:PORT, or tcp:// without protection.</source><translation>使用するワーカーの、稼働中の Dask スケジューラー：tls://HOST:PORT（tcp:// は保護なし）。</translation></message>
   <message><source>Save the machine of a session</source><translation>セッションの機械を保存</translation></message>
   <message><source>Saves the places of antenna, scanner, IMU, camera and implement that a session states, for sessions of the same machine.</source><translation>セッションに記入したアンテナ、スキャナ、IMU、カメラ、作業機の位置を保存し、同じ機械のセッションで使えるようにします。</translation></message>
   <message><source>Scenario</source><translation>シナリオ</translation></message>

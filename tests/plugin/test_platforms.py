@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
 from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 
 import pytest
 
-from furrowmap.plugin import platforms
 from furrowmap.plugin.platforms import (
     listed_pythons,
     own_prefix,
@@ -89,8 +88,7 @@ def test_interpreter__of_an_environment(tmp_path: Path) -> None:
 
 @pytest.fixture
 def nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    which: Callable[[str], str | None] = {}.get
-    monkeypatch.setattr(platforms.shutil, "which", which)
+    monkeypatch.setenv("PATH", "")
 
 
 def put(path: Path) -> str:
@@ -116,11 +114,16 @@ def test_base_python__on_macos_is_found_beside_the_path_of_the_desktop(tmp_path:
     assert python_candidates("darwin", contents / "QGIS", contents, tmp_path) == [bundled, newer, older, brewed]
 
 
-def test_base_python__elsewhere_is_the_one_that_runs_or_is_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(platforms.shutil, "which", {"python3": "/usr/bin/python3"}.get)
+@pytest.mark.skipif(sys.platform == "win32", reason="programs have suffixes there")
+def test_base_python__elsewhere_is_the_one_that_runs_or_is_on_the_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    python = put(tmp_path / "python3")
+    Path(python).chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
     for name, first in (("python3.12", ["/usr/bin/python3.12"]), ("qgis", [])):
         found = python_candidates("linux", PurePosixPath("/usr/bin") / name, Path("/nowhere"))
-        assert found == [*first, "/usr/bin/python3"]
+        assert found == [*first, python]
 
 
 def test_launcher__lists_interpreters_with_spaces_in_their_paths() -> None:

@@ -21,8 +21,7 @@ from distributed.security import Security
 
 from furrowmap.core.runtime.errors import FurrowmapError, UsageError
 from furrowmap.process import prepare_process
-from furrowmap.workflows.batch.engine import ATTEMPTS, TICK_S, Found, Item, WorkerDied
-from furrowmap.workflows.batch.workforce import TLS
+from furrowmap.workflows.batch.engine import ATTEMPTS, TICK_S, TLS, Found, Item, WorkerDied
 
 IN_HAND: Final = 4
 """Items for each worker that the scheduler has at a time: more would only take its memory."""
@@ -40,7 +39,7 @@ _QUIET: Final = {
 }
 """Dask's watching of tasks of some milliseconds: in a run of seconds it only takes the interpreter from it."""
 _LOOPBACK: Final = "127.0.0.1"
-_NO_PAGES: Final = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+_NO_PAGES: Final[dict[str, list[str]]] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
 """Dask starts its HTTP servers in any case; without these routes they have no page."""
 
 

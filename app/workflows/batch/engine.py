@@ -18,6 +18,8 @@ ATTEMPTS: Final = 3
 SESSIONS_A_PROCESS: Final = 200
 """Then a process makes room for a new one."""
 TICK_S: Final = 0.2
+TLS: Final = "tls://"
+"""How the address of a scheduler begins that takes work from those with its certificate only."""
 
 
 class WorkerDied:

@@ -18,13 +18,10 @@ from furrowmap.core.runtime.settings import (
     settings,
     using,
 )
-from furrowmap.workflows.batch.engine import Engine, Found, Item, OneProcess, WorkerDied
+from furrowmap.workflows.batch.engine import TLS, Engine, Found, Item, OneProcess, WorkerDied
 
 BYTES_A_WORKER: Final = 3 << 30
 """Free memory for each worker: a run of 77 million points takes 1.3 GB (docs/development/benchmarks.md)."""
-
-TLS: Final = "tls://"
-"""How the address of a scheduler begins that takes work from those with its certificate only."""
 
 
 def unprotected(scheduler: str | None) -> tuple[Notice, ...]:
