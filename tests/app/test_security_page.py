@@ -52,11 +52,10 @@ UNPICKLED_BY = {
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 MARK = "raise SystemExit(open({mark!r}, 'a').write(__name__ + '\\n'))\n"
 RINEX = "     3.04           {kind:<20}M                   RINEX VERSION / TYPE\n{end:<60}END OF HEADER\n"
-BROWSER = """#!{python}
-import sys
-for word in sys.argv:
-    if word.startswith("--print-to-pdf="):
-        open(word.partition("=")[2], "wb").write(b"%PDF-1.4")
+BROWSER = """#!/bin/sh
+for word; do
+    case $word in --print-to-pdf=*) echo %PDF-1.4 > "${word#*=}" ;; esac
+done
 """
 
 
@@ -131,10 +130,7 @@ SAMPLES = (
     Sample("fields TASKDATA -o fields.gpkg"),
     Sample("plots -o made.gpkg --crs EPSG:6677 --corner 0,0 --azimuth 86 --rows 2 --columns 2 --length 2 --width 1"),
     Sample("response heights.csv --treatments doses.csv -o response"),
-    *(
-        Sample(f"export result --to {to} -o exported/{to}")
-        for to in ("gpkg", "geoparquet", "geojson", "shapefile", "kml", "csv", "isoxml", "stac")
-    ),
+    *(Sample(f"export result --to {to} -o exported/{to}") for to in ("gpkg", "geoparquet", "csv", "isoxml", "stac")),
     Sample("report result --pdf", {"browser": "a browser, with `--pdf`"}, variables={"FURROWMAP_BROWSER": "{browser}"}),
     Sample("share result -o shared"),
     Sample("share result --qfield -o qfield", statuses=(0, 1, 4)),
@@ -152,12 +148,12 @@ SAMPLES = (
     Sample("frames drive/session.toml --svg frames.svg"),
     Sample("gnss evaluate drive/gnss.nmea --reference drive/reference.nmea -o accuracy"),
     Sample("gnss solve rover.obs base.obs base.nav", {"rnx2rtkp": "RTKLIB's `rnx2rtkp`"}, (3,)),
-    Sample("check result/cloud.copc.laz points.csv"),
+    Sample("check result/cloud.copc.laz points.csv", statuses=(0, 3)),
     Sample("explain clock-offset"),
     Sample("warm-up check surface --threads 2", variables={"XDG_CACHE_HOME": "{cache}", "NUMBA_CACHE_DIR": "{cache}"}),
     Sample("notebooks notebooks"),
     Sample("qgis zip -o plugin.zip"),
-    Sample("worker", given='{"type": "start", "arguments": ["crs", "drive/session.toml"]}\n'),
+    Sample("worker", given='{"type": "start", "arguments": ["crs", "drive/session.toml"]}\n', statuses=(0, 130)),
 )
 
 
@@ -240,7 +236,7 @@ def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Servers]:
     for name in ("page", "nmea", "scheduler"):
         made.free(name)
     made.free("scanner", socket.SOCK_DGRAM)
-    for name, text in (("rnx2rtkp", "#!/bin/sh\nexit 1\n"), ("browser", BROWSER.format(python=sys.executable))):
+    for name, text in (("rnx2rtkp", "#!/bin/sh\nexit 1\n"), ("browser", BROWSER)):
         (folder / name).write_text(text)
         (folder / name).chmod(0o755)
     made.texts |= {"browser": str(folder / "browser"), "programs": str(folder), "cache": str(folder / "cache")}
@@ -362,17 +358,21 @@ def test_samples__end_as_they_should(seen: list[tuple[Sample, Seen]]) -> None:
 
 
 def test_promise_23__commands_do_no_more_than_the_page_says(seen: list[tuple[Sample, Seen]], servers: Servers) -> None:
+    unstated = {}
     for cells in rows():
         for command in re.findall(r"`([\w-]+)`", cells[0]):
             for column, found in done(seen, servers.ports, command).items():
-                assert found <= stated(cells)[column], f"{command} {column}"
+                unstated[command, column] = found - stated(cells)[column]
+    assert {place: found for place, found in unstated.items() if found} == {}
 
 
 def test_page__says_no_more_than_commands_do(seen: list[tuple[Sample, Seen]], servers: Servers) -> None:
+    unseen = {}
     for cells in rows():
         found = done(seen, servers.ports, *re.findall(r"`([\w-]+)`", cells[0]))
         for column, phrases in stated(cells).items():
-            assert phrases - (set() if strace() else ONLY_BY_STRACE) <= found[column], f"{cells[0]} {column}"
+            unseen[cells[0], column] = phrases - found[column] - (set() if strace() else ONLY_BY_STRACE)
+    assert {place: phrases for place, phrases in unseen.items() if phrases} == {}
 
 
 def test_promise_23__nothing_is_made_where_others_can_reach_it(seen: list[tuple[Sample, Seen]]) -> None:

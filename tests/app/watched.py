@@ -58,7 +58,7 @@ def install(folder=os.environ["WATCHED"], temporary=os.environ["TMPDIR"]):
                 put(event, path=arguments[0], mode=arguments[1],
                     flags=arguments[2] if event == "open" else 0)
 
-    put("start", program=sys.executable)
+    put("start")
     sys.addaudithook(watch)
 
 install()
@@ -136,9 +136,12 @@ def watched(
         check=False,
     )
     seen = Seen(done.returncode, done.stdout.decode(errors="replace"))
-    for path in notes.iterdir():
-        for line in path.read_text().splitlines():
-            _add_event(seen, json.loads(line))
+    events = [json.loads(line) for path in notes.iterdir() for line in path.read_text().splitlines()]
+    for event in events:
+        _add_event(seen, event)
+    if sum(event["event"] == "start" for event in events) > 1:
+        seen.programs.add(sys.executable)
+    seen.shared.difference_update(_own(event) for event in events)
     _add_calls(seen, trace.read_text(errors="replace").splitlines())
     return seen
 
@@ -153,11 +156,16 @@ def _add_event(seen: Seen, event: dict[str, Any]) -> None:
     elif "caller" in event:
         seen.unpickled.setdefault(event["caller"], set()).add(event["name"])
     elif "path" in event:
-        writes, own = event["flags"] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT), event["flags"] & os.O_EXCL
-        if (event["event"] == "os.mkdir" and event["mode"] != 0o700) or (writes and not own):
+        if event["event"] == "os.mkdir" or event["flags"] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
             seen.shared.add(event["path"])
-    else:
+    elif event["event"] != "start":
         seen.extensions.add(event["event"])
+
+
+def _own(event: dict[str, Any]) -> str | None:
+    """The path of what was made new and for this user alone: no other user had made it before."""
+    is_own = event["mode"] == 0o700 if event["event"] == "os.mkdir" else event.get("flags", 0) & os.O_EXCL
+    return event.get("path") if is_own else None
 
 
 def _add_calls(seen: Seen, lines: Sequence[str]) -> None:
