@@ -69,6 +69,28 @@ HOSTILE: Final = (
     "report.json", "out/report.json", "+proj=merc +nadgrids={outside}/canary.gsb", "+init=epsg:4326", "EPSG:99999999",
     "EPSG:6677+5773", "urn:ogc:def:crs:EPSG::6677", "PROJCS[", "1e400", "nan", "None", "null", "true",
 )  # fmt: skip
+NEARLY_RIGHT: Final = 0.12
+"""Share of sessions that are right but for one thing, which is not seen at once."""
+SMALL: Final = (
+    0.0,
+    -0.0,
+    1e-300,
+    1e-9,
+    -1e-3,
+    0.01,
+    0.5,
+    -0.5,
+    1.0,
+    -1.0,
+    3.0,
+    -9.0,
+    14.999,
+    45.0,
+    90.0,
+    -90.0,
+    180.0,
+    359.0,
+)
 NUMBERS: Final = (
     0, 1, -1, 2, 7, 16, 255, 65536, 2**31 - 1, 2**31, 2**53 + 1, 2**63 - 1, -(2**63), 0.0, -0.0, 0.1, -0.1, 1e-300,
     5e-324,
@@ -135,13 +157,37 @@ def session_of(stock: Stock, chance: Random) -> SessionText:
     """A random session."""
     base = chance.choice([*stock.bases.values(), {"furrowmap": 1}])
     made = SessionText(copy.deepcopy(dict(base)))
-    for _ in range(min(int(chance.expovariate(0.35)), 25)):
-        table, key = chance.choice(KEYS)
+    near = chance.random() < NEARLY_RIGHT
+    for _ in range(chance.choice((0, 1)) if near else min(int(chance.expovariate(0.35)), 25)):
+        table, key = _there(made, chance) if near else chance.choice(KEYS)
         _put(made.data, chance, table, key, valid(f"{table}.{key}", TABLES[table][key].type, stock, chance))
-    made.wrong = chance.choices((0, 1, 2, 3, 8, 25), (20, 40, 15, 10, 10, 5))[0]
+    made.wrong = 1 if near else chance.choices((0, 1, 2, 3, 8, 25), (20, 40, 15, 10, 10, 5))[0]
     for _ in range(made.wrong):
-        chance.choices(WRONGS, WEIGHTS)[0](made, stock, chance)
+        (_nearly if near else chance.choices(WRONGS, WEIGHTS)[0])(made, stock, chance)
     return made
+
+
+def _there(made: SessionText, chance: Random) -> tuple[str, str]:
+    """A key of a table that the session has."""
+    there = [each for each in KEYS if isinstance(made.data.get(each[0]), dict)]
+    return chance.choice(there or KEYS)
+
+
+def _nearly(made: SessionText, stock: Stock, chance: Random) -> None:
+    """A number that may be right, or another file of the right kind: what is refused late, if at all."""
+    numbers = [each for each in KEYS if isinstance(inner(TABLES[each[0]][each[1]].type), inspect.FloatType)]
+    files = [each for each in KEYS if names_files(".".join(each))]
+    vectors = [each for each in KEYS if isinstance(inner(TABLES[each[0]][each[1]].type), inspect.TupleType)]
+    kind = chance.choice((numbers, files, vectors))
+    table, key = chance.choice([each for each in kind if isinstance(made.data.get(each[0]), dict)] or kind)
+    if kind is files:
+        value = valid(f"{table}.{key}", TABLES[table][key].type, stock, chance)
+    elif kind is numbers:
+        value = chance.choice([*SMALL, _number(f"{table}.{key}", inner(TABLES[table][key].type), chance)])
+    else:
+        value = _of_list(made, table, key)
+        value[chance.randrange(len(value))] = chance.choice(SMALL)
+    _put(made.data, chance, table, key, value)
 
 
 def _put(data: dict[str, Any], chance: Random, table: str, key: str, value: object) -> None:
@@ -198,8 +244,9 @@ def valid(key: str, kind: inspect.Type, stock: Stock, chance: Random) -> Any:
     return example(key)
 
 
-def _number(key: str, kind: inspect.IntType | inspect.FloatType, chance: Random) -> int | float:
+def _number(key: str, kind: inspect.Type, chance: Random) -> int | float:
     """A number inside the limits, or at one."""
+    assert isinstance(kind, inspect.IntType | inspect.FloatType)
     low = kind.ge if kind.ge is not None else kind.gt
     high = kind.le if kind.le is not None else kind.lt
     given = example(key)

@@ -61,7 +61,7 @@ class Watch:
         if isinstance(path, str | bytes | os.PathLike):
             whole = Path(os.fsdecode(path))
             place = f"{os.path.realpath(whole.parent)}/{whole.name}"
-            if not place.startswith(self.allowed):
+            if not place.startswith(self.allowed) and "/__pycache__/" not in place:
                 self.seen.append(f"{event} {place}")
 
 
@@ -121,15 +121,15 @@ def changes(place: Place, before: Listing, after: Listing, *, failed: bool) -> I
             continue
         how = "made" if name not in before else "removed" if name not in after else "changed"
         path = Path(name)
-        if not place.may_change(path):
+        if path.parent == place.temporary:
+            yield "left", f"temporary file {path.name}"
+        elif not place.may_change(path):
             if not (how == "made" and after[name][0] == stat.S_IFDIR and path in place.out.parents):
                 yield "outside", f"{how} {path.relative_to(place.root)}"
         elif failed and path != place.out and how != "made":
             yield "half-written", f"{how} {path.relative_to(place.root)} by a command that failed"
         elif ".furrowmap-run-" in str(path) and how == "made":
             yield "left", f"{path.relative_to(place.root)}"
-        elif path.parent == place.temporary:
-            yield "left", f"temporary file {path.name}"
 
 
 def products(before: Listing, after: Listing) -> Iterator[tuple[str, str]]:

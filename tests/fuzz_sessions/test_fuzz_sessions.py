@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import socket
 import subprocess
 import sys
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
+
+import pytest
 
 from furrowmap.core.values.session import EXAMPLES
 from tests.fuzz_sessions.grammar import KEYS, names_files
+from tests.fuzz_sessions.material import Material, Stock
+from tests.fuzz_sessions.trials import run
 
 SESSIONS = 250
 
@@ -25,3 +34,34 @@ def test_grammar__has_every_key_of_the_session() -> None:
     assert {".".join(key) for key in KEYS} == EXAMPLES.keys() - {"name"}
     assert names_files("recording.lidar")
     assert not names_files("recording.date")
+
+
+def outside() -> Path:
+    """The folder of files that nobody named, as a command in a trial has it."""
+    return Path(tempfile.gettempdir()).parent / "outside"
+
+
+FAULTS: dict[str, Callable[[], object]] = {
+    "": lambda: None,
+    "outside": lambda: (outside() / "made").write_text("x"),
+    "opened": lambda: ctypes.CDLL(None).fopen(os.fsencode(outside() / "canary.csv"), b"r"),
+    "network": lambda: socket.socket(socket.AF_INET),
+    "left": lambda: Path(tempfile.gettempdir(), "left").write_text("x"),
+    "crash": lambda: ctypes.string_at(0),
+    "printed": lambda: os.write(2, b"Traceback (most recent call last)"),
+}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="what the kernel sees is Linux's")
+@pytest.mark.parametrize("kind", FAULTS)
+def test_faults__are_found(kind: str, tmp_path: Path) -> None:
+    names = ("drive_gnss.nmea", "drive_boundary.geojson", "field.gpkg", "field.zip", "points.csv")
+    stock = Stock(tuple(Material(name, {name: b"x" * 50}, frozenset()) for name in names), {}, {})
+
+    def give(line: object) -> tuple[int, None]:
+        FAULTS[kind]()
+        return 3, None
+
+    (tally,) = run(stock, "1", range(1), tmp_path, give)
+    assert kind in {finding.kind for finding in tally.findings} or not (kind or tally.findings)
+    assert (tmp_path / "found0" / "cards").is_dir() == bool(kind)

@@ -17,7 +17,7 @@ import struct
 import sys
 import time
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -33,7 +33,7 @@ from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.runtime.settings import using_threads
 from furrowmap.warm_up import warm_up
 from tests.fuzz_sessions import judge
-from tests.fuzz_sessions.commands import do, lines
+from tests.fuzz_sessions.commands import Outcome, do, lines
 from tests.fuzz_sessions.grammar import SessionText, session_of, smaller
 from tests.fuzz_sessions.material import Stock, make_stock
 from tests.fuzz_sessions.place import Listing, Place, clear, lay, lay_outside, listing
@@ -46,6 +46,7 @@ BATCH: Final = 200
 """Sessions by one process, before another one is forked."""
 DEEP: Final = 0.01
 """Share of right sessions that a command of seconds is given for."""
+Give = Callable[[Sequence[str]], Outcome]
 SIGNALS: Final = {signal.SIGPROF: "hang", signal.SIGALRM: "hang", signal.SIGSYS: "network", signal.SIGKILL: "memory"}
 
 
@@ -103,8 +104,8 @@ def made(stock: Stock, seed: str, number: int) -> tuple[list[SessionText], Rando
     return [session_of(stock, chance) for _ in range(count)], Random(f"{seed} {number} place")
 
 
-def run(stock: Stock, seed: str, numbers: range, folder: Path) -> Iterator[Tally]:
-    """Try the sessions of these numbers, in one process after the other."""
+def run(stock: Stock, seed: str, numbers: range, folder: Path, give: Give = do) -> Iterator[Tally]:
+    """Try the sessions of these numbers, in one process after the other; `give` runs a command line."""
     state = mmap.mmap(-1, 8)
     first = numbers.start
     while first < numbers.stop:
@@ -115,7 +116,7 @@ def run(stock: Stock, seed: str, numbers: range, folder: Path) -> Iterator[Tally
         sys.stdout.flush()
         pid = os.fork()
         if pid == 0:
-            _end_by(lambda: _work(stock, seed, range(first, last), folder, state, answer))  # noqa: B023
+            _end_by(lambda: _work(stock, seed, range(first, last), folder, state, answer, give))  # noqa: B023
         _, status = os.waitpid(pid, 0)
         tally = msgspec.json.decode(answer.read_bytes(), type=Tally) if answer.exists() else Tally()
         first = last
@@ -143,7 +144,7 @@ def _end_by(work: Any) -> None:
         os._exit(70)
 
 
-def _work(stock: Stock, seed: str, numbers: range, folder: Path, state: mmap.mmap, answer: Path) -> None:
+def _work(stock: Stock, seed: str, numbers: range, folder: Path, state: mmap.mmap, answer: Path, give: Give) -> None:
     """What a forked process does; its tally is written after each session, as it may die in the next."""
     prepare(folder)
     root = folder / f"trials{numbers.start}"
@@ -152,7 +153,7 @@ def _work(stock: Stock, seed: str, numbers: range, folder: Path, state: mmap.mma
     for number in numbers:
         struct.pack_into("<q", state, 0, number)
         texts, chance = made(stock, seed, number)
-        found = trial(root, stock, texts, chance, (seed, number), tally)
+        found = trial(root, stock, texts, chance, (seed, number), tally, give)
         tally.sessions += 1
         if found:
             (root / "outside" / "new").unlink(missing_ok=True)
@@ -206,7 +207,13 @@ LAST: Final = Last()
 
 
 def trial(
-    root: Path, stock: Stock, texts: list[SessionText], chance: Random, number: tuple[str, int], tally: Tally
+    root: Path,
+    stock: Stock,
+    texts: list[SessionText],
+    chance: Random,
+    number: tuple[str, int],
+    tally: Tally,
+    give: Give = do,
 ) -> bool:
     """One session: lay it, give the commands, judge; whether there is a finding."""
     place = lay(root, stock, texts, chance)
@@ -216,7 +223,9 @@ def trial(
     right = all(text.wrong == 0 and not text.edits for text in texts)
     for line in lines(place, chance, right=right, deep=DEEP):
         tally.commands += 1
-        found = [Finding(*number, kind, what, line) for kind, what in _judged(place, before, line, number[1], tally)]
+        found = [
+            Finding(*number, kind, what, line) for kind, what in _judged(place, before, line, number[1], tally, give)
+        ]
         if found:
             tally.findings += found[:3]
             return True
@@ -224,7 +233,9 @@ def trial(
     return False
 
 
-def _judged(place: Place, before: Listing, line: Sequence[str], number: int, tally: Tally) -> Iterator[tuple[str, str]]:
+def _judged(
+    place: Place, before: Listing, line: Sequence[str], number: int, tally: Tally, give: Give
+) -> Iterator[tuple[str, str]]:
     """Give one command, and tell what must not be."""
     memory = _Memory()
     LAST.text = ""
@@ -236,7 +247,7 @@ def _judged(place: Place, before: Listing, line: Sequence[str], number: int, tal
     with printed() as said:
         judge.WATCH.allowed = (str(place.root.resolve()), *judge.own_folders())
         try:
-            status, error = do(line)
+            status, error = give(line)
         finally:
             judge.WATCH.allowed = ()
     took_s = time.process_time() - begun_s
