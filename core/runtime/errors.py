@@ -1,6 +1,9 @@
 """Errors with three parts and an exit status, and notices."""
 
+import errno
 import json
+import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
@@ -20,6 +23,10 @@ SETTING_REMEDIES: Final = {
 }
 """Messages whose remedy is one line of the session file: its table and key, the name of its value, and that of the
 value without which there is no such remedy."""
+
+
+_CIRCLE: Final = re.compile(r"Symlink loop from '(.*)'", re.DOTALL)
+"""What `Path.resolve` says of links in a circle, before Python 3.13; of Python's other functions it is an OSError."""
 
 
 class FurrowmapError(Exception):
@@ -128,6 +135,9 @@ def as_furrowmap_error(raised: BaseException) -> FurrowmapError:
         return Cancelled()
     if isinstance(raised, MemoryError):
         return FurrowmapError("out-of-memory")
+    circle = _CIRCLE.fullmatch(str(raised)) if isinstance(raised, RuntimeError) else None
+    if circle is not None:
+        raised = OSError(errno.ELOOP, os.strerror(errno.ELOOP), circle[1])
     if isinstance(raised, OSError) and raised.strerror:
         return FurrowmapError(
             "system",

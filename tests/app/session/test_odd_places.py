@@ -10,6 +10,7 @@ import pytest
 
 import furrowmap
 from furrowmap import InputError
+from furrowmap.cli.main import attempt
 from furrowmap.core.readers.text_table import read_sheet, read_table
 from furrowmap.core.session.opened import open_session
 from tests.core.readers.test_nmea import gga, write
@@ -46,6 +47,16 @@ def test_a_circle_of_links__is_no_file(tmp_path: Path) -> None:
     with pytest.raises(InputError) as refused:
         furrowmap.propose_session([tmp_path / "circle.geojson"], tmp_path / "other.toml")
     assert refused.value.code == "no-such-file"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need rights there")
+@pytest.mark.parametrize(
+    "line", [["run"], ["run", "--preview"], ["crs"], ["frames"], ["inspect"], ["init"], ["live", "--from"]]
+)
+def test_a_circle_of_links__as_an_argument_is_no_bug(line: list[str], tmp_path: Path) -> None:
+    status, error = attempt([*line, str(circle(tmp_path / "circle.toml"))])
+    assert status in (1, 3)
+    assert error is None or (error.code != "fault" and "circle.toml" in error.what)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
