@@ -15,6 +15,7 @@ from scipy.ndimage import binary_dilation
 from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
 from furrowmap.core.runtime.arrays import FloatArray, first, of_file, parts, scratch_file, taken, zeros
 from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.write_errors import writing_scratch
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.time_span import Span
@@ -211,16 +212,18 @@ class _Scratch:
         self, t_s: FloatArray, xyz_m: NDArray[np.float32], half: NDArray[np.uint8], laser: NDArray[np.uint8]
     ) -> None:
         """Append returns."""
-        for file, column in zip(self._files, (t_s.data, xyz_m.data, half.data, laser.data), strict=True):
-            file.write(column)
+        with writing_scratch():
+            for file, column in zip(self._files, (t_s.data, xyz_m.data, half.data, laser.data), strict=True):
+                file.write(column)
         self._count += len(t_s)
 
     def stored(self) -> _Fields:
         """All that was added; it may be used after the files are closed."""
         if not self._count:
             return np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8), np.zeros(0, np.uint8)
-        for file in self._files:
-            file.flush()
+        with writing_scratch():
+            for file in self._files:
+                file.flush()
         t_s, xyz_m, half, laser = self._files
         return (
             of_file(t_s, self._count, np.float64),

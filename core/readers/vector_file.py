@@ -6,7 +6,6 @@ format would open other files.
 
 import datetime as dt
 import shutil
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -25,6 +24,7 @@ from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_laye
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.file_signatures import binary_kind
+from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 
 
 @dataclass(frozen=True)
@@ -220,8 +220,9 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
 def _read_layer(path: Path, head: bytes) -> Polygons:
     with ExitStack() as stack:
         if head.startswith(ZIP):
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="furrowmap-"))
-            path = unpacked_layer(path, Path(folder))
+            folder = stack.enter_context(scratch_directory())
+            with writing_scratch():
+                path = unpacked_layer(path, folder)
             head = path.read_bytes()[:4096]
             if not (_is_kml(head) or head.startswith(_VECTOR_MAGIC[2])):
                 raise ValueError(f"its layer {path.name} is neither a Shapefile nor KML")
@@ -254,8 +255,10 @@ def named_by_content(path: Path) -> Iterator[Path]:
     if not suffix or path.suffix.lower() in (suffix, ".json"):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
-        yield Path(shutil.copyfile(path, Path(folder) / f"layer{suffix}"))
+    with scratch_directory() as folder:
+        with writing_scratch():
+            copy = Path(shutil.copyfile(path, folder / f"layer{suffix}"))
+        yield copy
 
 
 def _is_json(head: bytes) -> bool:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from furrowmap.core.runtime.settings import settings
+from furrowmap.core.runtime.write_errors import writing_scratch
 
 FloatArray: TypeAlias = NDArray[np.float64]
 Float32Array: TypeAlias = NDArray[np.float32]
@@ -39,19 +40,20 @@ _mapped: WeakSet[mmap.mmap] = WeakSet()
 
 
 def scratch_file(buffering: int = -1) -> IO[bytes]:
-    """A nameless file, taken back when it is closed and no array maps it. Raises OSError if it cannot be made.
+    """A nameless file, taken back when it is closed and no array maps it. Raises WriteError if it cannot be made.
 
     `buffering` in bytes, as of `open`.
     """
-    return tempfile.TemporaryFile(buffering=buffering, prefix="furrowmap-", dir=settings().scratch_folder)
+    with writing_scratch():
+        return tempfile.TemporaryFile(buffering=buffering, prefix="furrowmap-", dir=settings().scratch_folder)
 
 
 def zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64, order: Literal["C", "F"] = "C") -> NDArray[Any]:
-    """An array of zeros, in a file if it is LARGE. Raises OSError if the disk has no room for it."""
+    """An array of zeros, in a file if it is LARGE. Raises WriteError if the disk has no room for it."""
     size = prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(dtype).itemsize
     if size < LARGE:
         return np.zeros(shape, dtype, order)
-    with scratch_file() as file:
+    with scratch_file() as file, writing_scratch(size):
         if hasattr(os, "posix_fallocate"):
             os.posix_fallocate(file.fileno(), 0, size)
         else:

@@ -1,9 +1,6 @@
 """Errors with three parts and an exit status, and notices."""
 
-import errno
 import json
-import os
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
@@ -23,10 +20,6 @@ SETTING_REMEDIES: Final = {
 }
 """Messages whose remedy is one line of the session file: its table and key, the name of its value, and that of the
 value without which there is no such remedy."""
-
-
-_CIRCLE: Final = re.compile(r"Symlink loop from '(.*)'", re.DOTALL)
-"""What `Path.resolve` says of links in a circle, before Python 3.13; of Python's other functions it is an OSError."""
 
 
 class FurrowmapError(Exception):
@@ -125,27 +118,6 @@ class Cancelled(FurrowmapError):
 
     def __init__(self) -> None:
         super().__init__("cancelled")
-
-
-def as_furrowmap_error(raised: BaseException) -> FurrowmapError:
-    """Any exception as an error with a remedy."""
-    if isinstance(raised, FurrowmapError):
-        return raised
-    if isinstance(raised, KeyboardInterrupt):
-        return Cancelled()
-    if isinstance(raised, MemoryError):
-        return FurrowmapError("out-of-memory")
-    circle = _CIRCLE.fullmatch(str(raised)) if isinstance(raised, RuntimeError) else None
-    if circle is not None:
-        raised = OSError(errno.ELOOP, os.strerror(errno.ELOOP), circle[1])
-    if isinstance(raised, OSError) and raised.strerror:
-        return FurrowmapError(
-            "system",
-            filename=raised.filename or None,
-            strerror=raised.strerror if raised.filename else None,
-            raised_strerror=raised.strerror if not (raised.filename) else None,
-        )
-    return FurrowmapError("fault", name=type(raised).__name__, raised=raised)
 
 
 @dataclass(frozen=True, init=False)

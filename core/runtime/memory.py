@@ -27,7 +27,11 @@ def expect_growth(what: str | Path, packed_bytes: int, unpacked_bytes: int) -> N
     """Raises RefusedError for content that is implausibly large for its file, unless the user allows it."""
     if unpacked_bytes > FREE_BYTES + MAX_GROWTH * packed_bytes and not allows("large"):
         raise RefusedError(
-            "too-large", what=what, packed=_size(packed_bytes), unpacked=_size(unpacked_bytes), growth=MAX_GROWTH
+            "too-large",
+            what=what,
+            packed=size_text(packed_bytes),
+            unpacked=size_text(unpacked_bytes),
+            growth=MAX_GROWTH,
         )
 
 
@@ -36,7 +40,7 @@ def expect_memory(what: str | Path, needed_bytes: int) -> None:
     if needed_bytes > FREE_BYTES:
         free = free_memory_bytes()
         if needed_bytes > free // 2 and not allows("large"):
-            raise RefusedError("too-large.memory", what=what, needed=_size(needed_bytes), free=_size(free))
+            raise RefusedError("too-large.memory", what=what, needed=size_text(needed_bytes), free=size_text(free))
 
 
 def expect_disk(what: str | Path, folder: Path, needed_bytes: int) -> None:
@@ -44,10 +48,12 @@ def expect_disk(what: str | Path, folder: Path, needed_bytes: int) -> None:
     if needed_bytes > FREE_BYTES:
         free = shutil.disk_usage(folder).free
         if needed_bytes > free // 2 and not allows("large"):
-            raise RefusedError("too-large.disk", what=what, needed=_size(needed_bytes), folder=folder, free=_size(free))
+            raise RefusedError(
+                "too-large.disk", what=what, needed=size_text(needed_bytes), folder=folder, free=size_text(free)
+            )
 
 
-def _size(size: int) -> str:
+def size_text(size: int) -> str:
     """Such as 1.23 GB."""
     power = min(4, max(0, len(str(abs(size))) - 1) // 3)
     return f"{size / 1000**power:.3g} {('bytes', 'kB', 'MB', 'GB', 'TB')[power]}"

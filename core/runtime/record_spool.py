@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furrowmap.core.runtime.arrays import IntArray
+from furrowmap.core.runtime.write_errors import writing_scratch
 
 RecordArray = NDArray[Any]
 """(n,) of a structured type, or (n, k) numbers of a sub-array type."""
@@ -49,7 +50,9 @@ class RecordSpool:
 
     def __init__(self, layout: np.dtype[Any], folder: Path | None) -> None:
         self.layout = layout
-        self._file = tempfile.TemporaryFile(prefix="furrowmap-", dir=folder)  # noqa: SIM115  # closed with the spool
+        self._folder = folder
+        with writing_scratch(folder=folder):
+            self._file = tempfile.TemporaryFile(prefix="furrowmap-", dir=folder)  # noqa: SIM115  # closed with the spool
         self._lock = threading.Lock()
         self._blocks: list[_Block] = []
         self._length = 0
@@ -72,10 +75,11 @@ class RecordSpool:
         Keys (k,) increase; `starts` (k + 1,) are the first record of each within the block, and their number. OSError
         if the file cannot be written.
         """
-        self._file.seek(self._length * self.layout.itemsize)
-        for part in parts:
-            self._file.write(part.data)
-        self._file.flush()
+        with writing_scratch(folder=self._folder):
+            self._file.seek(self._length * self.layout.itemsize)
+            for part in parts:
+                self._file.write(part.data)
+            self._file.flush()
         self._blocks.append(_Block(keys, self._length + starts))
         self._length += int(starts[-1])
         self.__dict__.pop("_segments", None)
@@ -127,7 +131,7 @@ class RecordSpool:
         """Replace the records that :meth:`read` returned for the same keys."""
         done = 0
         for start, count in self._segments_of(keys):
-            with self._lock:
+            with self._lock, writing_scratch(folder=self._folder):
                 self._file.seek(start * self.layout.itemsize)
                 self._file.write(records[done : done + count].data)
             done += count

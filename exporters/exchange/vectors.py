@@ -30,7 +30,7 @@ from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, pr
 from furrowmap.core.runtime.file_names import inside
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.exporters.files.atomic import atomic_output, name_failed_file
+from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.csv_cells import write_csv
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, TRAJECTORY
@@ -232,7 +232,7 @@ def write_vectors(
         with atomic_output(target) as unfinished:
             return [target], chosen.write_all(unfinished, layers, origin, zone)
     assert chosen.write_one is not None
-    with staged_folder(target) as staging, name_failed_file(target):
+    with staged_folder(target) as staging:
         for path, layer in zip(_layer_files(staging, list(layers), chosen.suffix), layers.values(), strict=True):
             chosen.write_one(path, layer)
         origin.write_beside(staging)

@@ -12,7 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.runtime.errors import FurrowmapError, RefusedError
+from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.write_errors import writing
 from furrowmap.exporters.files.lease import is_staged
 from furrowmap.exporters.files.owner import PATTERN, Owner, machine
 from furrowmap.exporters.files.plain_files import refuse_special
@@ -24,9 +25,6 @@ _AT_A_TIME: Final = 8
 
 _HELD_S: Final = 3.0 if sys.platform == "win32" else 0.0
 """Virus scanners and indexers hold new files for moments, in which Windows does not rename them."""
-
-_LIBRARIES: Final = ("pyogrio", "rasterio", "sqlite3")
-"""Packages whose errors on a full disk are not system errors."""
 
 
 @contextmanager
@@ -47,7 +45,7 @@ def atomic_output(path: Path, *, durable: bool = True) -> Iterator[Path]:
     unfinished = _free_name(path)
     flushed = durable and not is_staged(path)
     try:
-        with name_failed_file(path):
+        with writing(path):
             yield unfinished
             if flushed:
                 flush(unfinished)
@@ -70,21 +68,6 @@ def _free_name(path: Path) -> Path:
         name = f".furrowmap-{Owner.here().words()}-{secrets.token_hex(4)}{path.suffix[:16]}"
         if not os.path.lexists(path.with_name(name)):
             return path.with_name(name)
-
-
-@contextmanager
-def name_failed_file(path: Path) -> Iterator[None]:
-    """Let the errors of a full disk name the file or folder that is being written; few libraries do."""
-    try:
-        yield
-    except OSError as error:
-        if error.filename is None or _UNFINISHED.fullmatch(Path(os.fsdecode(error.filename)).name):
-            error.filename = str(path)
-        raise
-    except Exception as error:
-        if type(error).__module__.partition(".")[0] not in _LIBRARIES:
-            raise
-        raise FurrowmapError("not-written", path=path, name=type(error).__name__, error=error) from error
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:

@@ -9,8 +9,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
-from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.runtime.file_names import is_relative_name
+from furrowmap.core.runtime.write_errors import failed_write, shown_path, write_error
 from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together, move, refuse_open
 from furrowmap.exporters.files.lease import (
     COMPLETE,
@@ -74,13 +75,20 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
                 products = lease / STAGED_PRODUCTS
                 products.mkdir()
             except OSError as error:
+                if failed_write(error) is not None:
+                    raise write_error(folder, error) from error
                 raise InputError("output-unwritable", folder=folder, strerror=error.strerror or error) from None
             try:
                 yield products
                 _commit(lease, folder)
-            except OSError:
-                if is_revoked(lease):
+            except FurrowmapError:
+                raise
+            except Exception as error:
+                if isinstance(error, OSError) and is_revoked(lease):
                     raise RefusedError("output-lost", folder=folder) from None
+                failed = failed_write(error, folder)
+                if failed is not None:
+                    raise write_error(_product_of(failed, products), failed) from error
                 raise
     except BaseException:
         if created:
@@ -141,6 +149,17 @@ def _commit(lease: Path, folder: Path) -> None:
     _put_in_place(lease, folder)
     flush_folder(folder)
     (lease / COMPLETE).unlink()
+
+
+def _product_of(error: BaseException, staging: Path) -> Path:
+    """The product that could not be written: the one that the error names, or else that was written to last."""
+    name = (error.filename2 or error.filename) if isinstance(error, OSError) else None
+    if isinstance(name, str) and Path(name).is_relative_to(staging):
+        return shown_path(name)
+    last = max(
+        (staging / path for path in _products(staging)), key=lambda path: path.stat().st_mtime_ns, default=staging
+    )
+    return shown_path(last)
 
 
 def _refuse_taken(place: Path) -> None:

@@ -19,6 +19,7 @@ from rasterio.shutil import copy
 from rasterio.windows import Window
 
 from furrowmap.core.runtime.settings import threads
+from furrowmap.core.runtime.write_errors import writing
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
@@ -105,7 +106,8 @@ def cog_output(
             if shared is not None:
                 part, place = shared.window_in(tile), shared.window_in(grid)
                 values = [_rounded(a[part], band, counts=counts) for a, band in zip(arrays, bands, strict=True)]
-                raster.write(np.stack(values), window=Window.from_slices(*place))
+                with writing(path):  # what is copied from, and open as well, is not to blame
+                    raster.write(np.stack(values), window=Window.from_slices(*place))
                 for band_sums, band_values in zip(sums, values, strict=True):
                     band_sums.add(band_values)
 

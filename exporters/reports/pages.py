@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
@@ -20,6 +19,7 @@ from furrowmap.core.geodesy.local_time import clock_words, in_local_time
 from furrowmap.core.runtime.errors import RefusedError, printable
 from furrowmap.core.runtime.programs import program_on_path
 from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.reports.area_units import HECTARE, area, in_area_unit, work_rate
@@ -60,9 +60,10 @@ def write_pdf(path: Path, page: str) -> None:
     if program is None:
         raise RefusedError("browser-missing")
     confined = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # root cannot have one
-    with tempfile.TemporaryDirectory(prefix="furrowmap-print-") as folder, atomic_output(path) as unfinished:
+    with scratch_directory() as folder, atomic_output(path) as unfinished:
         source, printed = Path(folder, "page.html"), Path(folder, "page.pdf")
-        source.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+        with writing_scratch():
+            source.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
         arguments = [
             program, "--headless", *confined, "--disable-gpu", "--no-first-run",
             f"--user-data-dir={Path(folder, 'profile')}", "--no-pdf-header-footer", f"--print-to-pdf={printed}",

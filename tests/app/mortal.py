@@ -2,23 +2,24 @@
 
 A process ends without a word before its n-th operation that changes files, as far as Python knows of them, or after so
 many seconds, which falls into the work of libraries as well. Or none of its files can be larger than so many bytes.
-Everything is imported once.
+A task may also be the arguments of a command, with variables of the environment. Everything is imported once.
 """
 
 from __future__ import annotations
 
 import importlib
+import io
 import json
 import os
 import resource
 import signal
 import sys
 import tempfile
-from contextlib import suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
-from furrowmap.cli.main import _in_three_lines
+from furrowmap.cli.main import _in_three_lines, command_line
 from furrowmap.core.runtime.errors import FurrowmapError
 from tests.app.writers import WRITERS
 
@@ -30,6 +31,24 @@ def change_files(event: str, arguments: tuple[Any, ...]) -> bool:
     if event == "open":
         return isinstance(arguments[2], int) and bool(arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
     return event in CHANGES
+
+
+MAX_COMMAND_S = 300
+
+
+def command(task: dict[str, Any]) -> dict[str, Any]:
+    """Run a command; its exit status and what it writes to standard error."""
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.alarm(MAX_COMMAND_S)
+    os.environ |= task.get("environment", {})
+    os.chdir(task["folder"])
+    tempfile.tempdir = None
+    if task.get("bytes"):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (task["bytes"], task["bytes"]))
+    said = io.StringIO()
+    with redirect_stderr(said), redirect_stdout(io.StringIO()):
+        status = command_line(task["arguments"])
+    return {"exit": status, "said": said.getvalue()[-5000:]}
 
 
 def mortal(task: dict[str, Any]) -> int:
@@ -64,14 +83,16 @@ def begun(task: dict[str, Any]) -> Path:
 
 if __name__ == "__main__":
     for line in sys.stdin:
-        begun(json.loads(line))
+        if "deed" in json.loads(line):
+            begun(json.loads(line))
         known = set(sys.modules)
         reading, writing = os.pipe()
         process = os.fork()
         if process == 0:
             said: dict[str, Any] = {}
             try:
-                said["operations"] = mortal(json.loads(line))
+                task = json.loads(line)
+                said |= {"operations": mortal(task)} if "deed" in task else command(task)
                 said["modules"] = [name for name in sys.modules if name not in known]
             except (FurrowmapError, OSError) as error:
                 said["error"] = [line[:1000] for line in _in_three_lines(error, []).lines]

@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 
+from furrowmap.exporters.files.batch_state import STATE
 from furrowmap.exporters.files.staging import recover
 from tests.app.writers import WRITERS
 from tests.conftest import CHECKOUT
@@ -47,10 +48,16 @@ class Mortal:
 
     def does(self, deed: str, source: Path, target: Path, **end: float | str) -> dict[str, Any]:
         """Its exit status, negative where it was killed, and the operations it made that change files, or its error."""
+        return self._answer({"deed": deed, "source": str(source), "target": str(target), **end})
+
+    def runs(self, arguments: list[str], folder: Path, **end: Any) -> dict[str, Any]:
+        """The exit status of a command in a folder, and what it said to standard error."""
+        return self._answer({"arguments": arguments, "folder": str(folder), **end})
+
+    def _answer(self, task: dict[str, Any]) -> dict[str, Any]:
         assert self._program.stdin is not None
         assert self._program.stdout is not None
-        words = {"deed": deed, "source": str(source), "target": str(target), **end}
-        self._program.stdin.write(json.dumps(words) + "\n")
+        self._program.stdin.write(json.dumps(task) + "\n")
         self._program.stdin.flush()
         answer: dict[str, Any] = json.loads(self._program.stdout.readline())
         return answer
@@ -105,7 +112,7 @@ class Scene:
     def left(self) -> list[Path]:
         """What an unfinished writer has left."""
         folder = self.target if self.target.is_dir() else self.target.parent
-        return [path for path in folder.iterdir() if path.name.startswith(".")]
+        return [path for path in folder.iterdir() if path.name.startswith(".") and path.name != STATE]
 
 
 @pytest.fixture(scope="module", params=sorted(WRITERS) if KILLS else ALWAYS)
@@ -123,7 +130,7 @@ def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
         assert said.get("operations"), said
         if each == new:
             whole, seconds = said["operations"], time.monotonic() - begun_s
-            files = [target] if target.is_file() else [file for file in target.iterdir() if file.is_file()]
+            files = [target] if target.is_file() else [file for file in target.rglob("*") if file.is_file()]
             largest = max(file.stat().st_size for file in files)
         contents.append(writer.content(target))
     assert contents[0] == contents[2] != contents[1] == contents[3]

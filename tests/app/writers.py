@@ -25,11 +25,13 @@ from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.mosaic import write_mosaic
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.staging import recover
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.settings import SurfaceSettings
 from furrowmap.workflows.calibrate.calibrate import write_calibration
 from furrowmap.workflows.gnss.evaluate import evaluate_gnss
 from furrowmap.workflows.share.export import export
+from tests.app.tie.test_tie import write_result as write_date
 from tests.exporters.farm.result_folders import write_result
 from tests.fuzz.texts import worked
 
@@ -178,6 +180,39 @@ def _log(folder: Path, number: int) -> Path:
     return log.rename(log.with_name(f"{number}.nmea"))
 
 
+def _give(drive: Path) -> Path:
+    """The drive of a source as that of a folder with one name: a batch tells sources apart by theirs."""
+    given = drive.parent / "given"
+    shutil.rmtree(given, ignore_errors=True)
+    shutil.copytree(drive, given / "drive")
+    return given
+
+
+def _drive(folder: Path, number: int) -> Path:
+    return _session(folder, number).parent
+
+
+def _results_of_batch(target: Path) -> dict[str, str]:
+    """The recordings that the results come from; a batch may end with tables of the results before."""
+    found = {}
+    for folder in sorted(path for path in target.glob("[!.]*") if path.is_dir()):
+        recover(folder)
+        found |= {f"{folder.name}/{name}": recording for name, recording in recordings(folder).items()}
+    return found
+
+
+def _dates(folder: Path, number: int) -> Path:
+    """Results of two days."""
+    for day in (1, 2):
+        write_date(folder / str(number) / f"day{day}", day, raised_m=0.1 * number)
+    return folder / str(number)
+
+
+def _mosaics(target: Path) -> dict[str, str]:
+    """The rasters of a season; its record and catalogue state where the results are, and when they were merged."""
+    return {name: digest for name, digest in hashes(target).items() if name.endswith(".tif")}
+
+
 def _surveyed(folder: Path, number: int) -> Path:
     cloud = _cloud(folder, number, 4.0)
     cloud.with_suffix(".csv").write_text("name,e_m,n_m,h_m\n" + "".join(
@@ -246,6 +281,21 @@ WRITERS: Mapping[str, Writer] = {
         lambda session, out: furrowmap.preview(session, out),
         "preview",
         content=lambda folder: {k: v for k, v in hashes(folder).items() if k != "preview.json"},
+    ),
+    "batch": Writer(
+        _drive,
+        lambda drive, out: furrowmap.batch([drive.parent / "given"], out, furrowmap.BatchSettings(workers=1)),
+        "results",
+        content=_results_of_batch,
+        begin=_give,
+    ),
+    "season": Writer(
+        _dates,
+        lambda dates, out: furrowmap.season(
+            [dates], out, furrowmap.SeasonSettings(workers=1, content=("mosaics",)), overwrite=True
+        ),
+        "season",
+        content=_mosaics,
     ),
     "run": Writer(
         _session, lambda session, out: furrowmap.run(session, out, overwrite=True), "result", content=recordings

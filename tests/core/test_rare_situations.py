@@ -38,6 +38,7 @@ from furrowmap.core.readers.source import look
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.ubx.log import UbxLog
 from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.write_errors import writing
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.simulator.scenario import demo_scenario, load_scenario
 from furrowmap.core.simulator.simulate import simulate
@@ -49,7 +50,6 @@ from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.work.external_states import compare_states, external_states
-from furrowmap.exporters.files.atomic import name_failed_file
 from furrowmap.results import read_raster
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_sbet import records
@@ -329,7 +329,7 @@ def test_results__that_are_not_there_or_may_not_be_replaced(tmp_path: Path) -> N
 
 def test_a_product__that_a_library_cannot_write(tmp_path: Path) -> None:
     def write() -> None:
-        with name_failed_file(tmp_path / "field.gpkg"):
+        with writing(tmp_path / "field.gpkg"):
             sqlite3.connect(":memory:").execute("no SQL")
 
     assert code_of(write) == "not-written"

@@ -14,11 +14,12 @@ from typing import Final
 
 import msgspec
 
-from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError, as_furrowmap_error
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.memory import peak_memory_bytes
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.urls import without_passwords
+from furrowmap.core.runtime.write_errors import as_furrowmap_error
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.exporters.files.batch_state import (
     STATE,

@@ -22,8 +22,8 @@ from furrowmap.core.geodesy.coordinates import transform_poses, transform_track
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
-from furrowmap.core.runtime.errors import as_furrowmap_error
 from furrowmap.core.runtime.settings import ALLOWANCES, allows, language_of_user
+from furrowmap.core.runtime.write_errors import as_furrowmap_error
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import Inputs, OpenSession
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses

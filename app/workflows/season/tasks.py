@@ -11,7 +11,8 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.las.cloud import open_cloud
-from furrowmap.core.runtime.errors import FurrowmapError, as_furrowmap_error
+from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.write_errors import as_furrowmap_error
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.exchange.vectors import changed_crs
 from furrowmap.exporters.farm.mosaic import write_mosaic_part

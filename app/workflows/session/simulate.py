@@ -7,7 +7,6 @@ from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.simulator import simulate as simulator
 from furrowmap.core.simulator.scenario import PACKAGED, demo_scenario, load_scenario
-from furrowmap.exporters.files.atomic import name_failed_file
 from furrowmap.exporters.files.staging import recover, staged_folder
 
 
@@ -32,7 +31,7 @@ def simulate(
     if not overwrite and folder.is_dir() and any(folder.iterdir()):
         raise RefusedError("exists.simulate", folder=folder)
     described = demo_scenario(str(scenario)) if str(scenario) in PACKAGED else load_scenario(Path(scenario))
-    with staged_folder(folder) as staging, name_failed_file(folder):
+    with staged_folder(folder) as staging:
         made = simulator.simulate(described, staging, progress)
     session, recording = folder / made.session.name, folder / made.recording.name
     return replace(made, folder=folder, session=session, recording=recording)

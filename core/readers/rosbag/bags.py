@@ -50,6 +50,7 @@ from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.runtime.arrays import scratch_file
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.write_errors import writing_scratch
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import GnssTrack
@@ -99,7 +100,8 @@ class ImageLog:
             self.size = f"{layout.width} × {layout.height}" if layout is not None else ""
         begin = self._rows[-1][2] if self._rows else 0
         if self._file is not None:
-            self._file.write(data)
+            with writing_scratch():
+                self._file.write(data)
         name = f"{message.topic.strip('/').replace('/', '_')}_{at_s:.6f}{suffix}"
         self._rows.append((name, begin, begin + len(data), layout))
         self._times.append((at_s, message.received_ns * 1e-9))

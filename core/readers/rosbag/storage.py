@@ -17,7 +17,6 @@ import shutil
 import sqlite3
 import struct
 import sys
-import tempfile
 import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
@@ -29,6 +28,7 @@ from urllib.parse import quote
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.memory import expect_disk
+from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.clock import iso_utc
 
 if sys.version_info >= (3, 14):
@@ -444,8 +444,9 @@ class Db3Storage(BagStorage):
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """See :meth:`BagStorage.messages`."""
-        with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
-            database, writable = self._plain(Path(folder))
+        with scratch_directory() as folder:
+            with writing_scratch():
+                database, writable = self._plain(folder)
             self._note_missing_pages(database)
             flags = "mode=rw" if writable else "mode=ro&immutable=1"
             try:

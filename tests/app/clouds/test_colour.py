@@ -8,51 +8,17 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
-from pyproj import CRS
 
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import InputError, RefusedError
-from tests.core.images.scenes import CAMERA, HEIGHT_M, behind_board, cloud, frames_above, texture
-
-CORNER_M = np.array([500_000.0, 5_900_000.0, 0.0])
-PLACES = np.array([[-2.0, -1.0], [-1.0, 0.5], [0.5, 1.0], [2.0, -1.0]])
-
-SESSION = """\
-furrowmap = 1
-[recording]
-lidar = ["cloud.laz"]
-[crs]
-map = "EPSG:25832"
-[trajectory]
-files = ["trajectory.csv"]
-"""
+from tests.app.clouds.coloured_scene import CORNER_M, PLACES, write_scene
+from tests.core.images.scenes import HEIGHT_M, behind_board, texture
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("colour")
-    frames = frames_above(folder, PLACES, np.zeros(len(PLACES)))
-    seconds = np.arange(-1.0, 4.05, 0.1)
-    at = np.column_stack([np.interp(seconds, np.arange(4.0), axis) for axis in PLACES.T]) + CORNER_M[:2]
-    rows = np.column_stack([1_779_529_272.0 + seconds, at, np.full(len(at), HEIGHT_M), np.zeros((len(at), 2))])
-    rows = np.column_stack([rows, np.full(len(at), 90.0)])
-    head = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
-    np.savetxt(folder / "trajectory.csv", rows, "%.4f", ",", header=head, comments="")
-    listed = [f"{path.name},{1_779_529_272 + k}" for k, path in enumerate(frames.paths)] + ["late.png,1779530000"]
-    (folder / "late.png").write_bytes(frames.paths[0].read_bytes())
-    (folder / "images.csv").write_text("\n".join(["file,time_unix_s", *listed, ""]), encoding="utf-8")
-    intrinsics = "".join(f"{name} = {getattr(CAMERA, name)}\n" for name in ("fx", "fy", "cx", "cy", "k1", "k2"))
-    camera = f'[camera]\ntable = "images.csv"\nwidth = {CAMERA.width}\nheight = {CAMERA.height}\n{intrinsics}'
-    (folder / "session.toml").write_text(f"{SESSION}{camera}rpy_deg = [180.0, 0.0, 0.0]\n", encoding="utf-8")
-    (folder / "bare.toml").write_text(SESSION, encoding="utf-8")
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.add_crs(CRS("EPSG:25832"))
-    header.scales, header.offsets = np.full(3, 0.001), CORNER_M
-    las = laspy.LasData(header)
-    las.xyz = np.concatenate(cloud()) + CORNER_M
-    las.write(folder / "cloud.laz")
-    return folder
+    return write_scene(tmp_path_factory.mktemp("colour"))
 
 
 def test_cloud__has_the_colours_of_what_the_images_show(folder: Path) -> None:

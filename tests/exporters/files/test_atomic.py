@@ -10,11 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from furrowmap.core.runtime.write_errors import WriteError
 from furrowmap.exporters.files.atomic import atomic_output
 
 WRITE_AND_HANG = """
 import sys, time
 from pathlib import Path
+from furrowmap.core.runtime.write_errors import WriteError
 from furrowmap.exporters.files.atomic import atomic_output
 with atomic_output(Path(sys.argv[1])) as unfinished:
     unfinished.write_text("half")
@@ -44,7 +46,7 @@ def write_half_and_raise(unfinished: Path, interruption: type[BaseException]) ->
     raise interruption
 
 
-@pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt, SystemExit, OSError])
+@pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt, SystemExit, FileNotFoundError])
 def test_atomic_output__interrupted_leaves_all_as_it_was(tmp_path: Path, interruption: type[BaseException]) -> None:
     path = tmp_path / "field.gpkg"
     path.write_text("old")
@@ -61,9 +63,9 @@ def test_atomic_output__nothing_written_is_an_error(tmp_path: Path) -> None:
 
 
 def test_atomic_output__error_names_the_file(tmp_path: Path) -> None:
-    with pytest.raises(OSError) as raised, atomic_output(tmp_path / "cloud.copc.laz"):
+    with pytest.raises(WriteError) as raised, atomic_output(tmp_path / "cloud.copc.laz"):
         raise OSError(28, "No space left on device")
-    assert raised.value.filename == str(tmp_path / "cloud.copc.laz")
+    assert f"{tmp_path / 'cloud.copc.laz'} cannot be written: the disk is full" in raised.value.what
 
 
 def test_atomic_output__folder_missing_is_an_error(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.exporters.files import owner as module
-from furrowmap.exporters.files.atomic import name_failed_file, relative_path
+from furrowmap.exporters.files.atomic import relative_path
 from furrowmap.exporters.files.owner import Owner, machine
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
@@ -74,14 +74,3 @@ def test_path__on_another_drive_is_not_relative(monkeypatch: pytest.MonkeyPatch,
 
     monkeypatch.setattr(os.path, "relpath", other_drive)
     assert relative_path(tmp_path / "a.tif", tmp_path) is None
-
-
-def test_naming__leaves_errors_that_are_no_disk_s_as_they_are(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError), name_failed_file(tmp_path / "a.tif"):
-        raise ZeroDivisionError
-    with pytest.raises(FileNotFoundError) as named, name_failed_file(tmp_path / "a.tif"):
-        (tmp_path / "gone").read_text()
-    assert named.value.filename == str(tmp_path / "gone")
-    with pytest.raises(OSError, match="full") as named, name_failed_file(tmp_path / "a.tif"):
-        raise OSError(28, "full")
-    assert named.value.filename == str(tmp_path / "a.tif")
