@@ -114,10 +114,12 @@ def as_furrowmap_error(raised: BaseException) -> FurrowmapError:
     if circle is not None:
         raised = OSError(errno.ELOOP, os.strerror(errno.ELOOP), circle[1])
     if isinstance(raised, OSError) and raised.errno in _OF_WRITES and _written_name(raised) is not None:
-        return write_error(shown_path(_written_name(raised) or ""), raised)
+        return write_error(Path(os.fsdecode(_written_name(raised) or "")), raised)
     failed = failed_write(raised)
-    if failed is not None:
+    if failed is not None and _is_full(free_bytes(temporary_folder())):
         return _scratch_error(failed, None, None)
+    if failed is not None:
+        return WriteError("not-written.somewhere", reason=getattr(failed, "strerror", None) or failed)
     if isinstance(raised, OSError) and raised.strerror:
         return FurrowmapError(
             "system",
@@ -174,7 +176,7 @@ def _not_written(path: Path, error: BaseException, needed_bytes: int | None, *, 
     reason = error.strerror if isinstance(error, OSError) and error.strerror else f"{type(error).__name__}: {error}"
     return WriteError(
         "not-written.temporary" if temporary else "not-written",
-        path=path,
+        path=shown_path(path),
         full=is_full,
         reason=str(reason).rstrip("."),
         free=size_text(free) if free is not None else None,
@@ -186,7 +188,7 @@ def _scratch_error(error: BaseException, needed_bytes: int | None, folder: Path 
     place = folder or settings().scratch_folder
     if place is None:
         return _not_written(temporary_folder(), error, needed_bytes, temporary=True)
-    return _not_written(shown_path(place), error, needed_bytes)
+    return _not_written(place, error, needed_bytes)
 
 
 def _fills_temporary_folder(error: BaseException, path: Path) -> bool:

@@ -71,8 +71,9 @@ def _free_name(path: Path) -> Path:
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
-    """Check, before the work, that the output does not exist or may be replaced; InputError if it is no file."""
-    refuse_special(path)
+    """Check, before the work, that the output does not exist or may be replaced; InputError for a pipe or device."""
+    if not path.is_dir():  # which may be that of an output of several files
+        refuse_special(path)
     if os.path.lexists(path) and not overwrite:
         raise RefusedError("output-exists.refuse-existing", path=path)
 

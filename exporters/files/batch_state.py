@@ -15,6 +15,7 @@ from typing import Any, Final, Self
 import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
+from furrowmap.core.runtime.write_errors import failed_write, write_error
 from furrowmap.exporters.files.plain_files import refuse_shared
 
 STATE: Final = ".batch.sqlite"
@@ -134,7 +135,12 @@ def batch_state(path: Path | None) -> Iterator[BatchState]:
             _prepare(database)
             yield BatchState(database)
     except (sqlite3.DatabaseError, msgspec.DecodeError, msgspec.ValidationError) as error:
+        if path is not None and failed_write(error, path.parent) is not None:
+            raise write_error(path, error) from error
         raise InputError("batch-state", path=path, error=error) from None
+    finally:
+        if path is not None and path.is_file() and not path.stat().st_size:
+            path.unlink()
 
 
 def _prepare(database: sqlite3.Connection) -> None:

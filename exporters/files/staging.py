@@ -41,11 +41,30 @@ def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder for products, if it does not exist. Raises InputError if that is not possible."""
+    """Make a folder for products, if it does not exist. Raises InputError or WriteError if that is not possible."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError("output-unwritable", folder=folder, strerror=error.strerror or error) from None
+        raise _unwritable(folder, error) from error
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """As :func:`make_folder`; a folder in which nothing was made, and those made above it, are removed again."""
+    created = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        make_folder(folder)
+        yield
+    finally:
+        for place in created:
+            with suppress(OSError):  # not empty
+                place.rmdir()
+
+
+def _unwritable(folder: Path, error: OSError) -> FurrowmapError:
+    if failed_write(error) is not None:
+        return write_error(folder, error)
+    return InputError("output-unwritable", folder=folder, strerror=error.strerror or error)
 
 
 @contextmanager

@@ -138,7 +138,7 @@ CASES: Mapping[str, Case] = {
         }.items()
     },
     "export isoxml .zip": Case("export {result} --to isoxml -o {out}/tasks.zip"),
-    "report": Case("report {out} --lang ja", again="", before=_result),
+    "report": Case("report {out} --units acre", again="", before=_result),
     "share": Case("share {result} -o {out}/page"),
     "share --qfield": Case("share {result} --qfield -o {out}/project"),
     "farm add": Case("farm add {north} {south} {out}/farm.gpkg", again=""),

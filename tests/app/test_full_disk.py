@@ -117,10 +117,10 @@ def _digest(path: Path) -> str:
 
 
 def refused(said: dict[str, Any], places: list[Path]) -> None:
-    """A failed write is told as it is to be."""
-    assert said.get("exit") == 1, said
+    """A failed write is told as it is to be, or refused before the work."""
     lines = said["said"].splitlines()[-3:]
-    assert re.search(r"\(\d\S* \w+ free[,)]", lines[0]), said
+    assert said.get("exit") in (1, 4), said
+    assert re.search(r"\(\d\S* \w+ free[,)]" if said["exit"] == 1 else r"has \S+ GB of free space", lines[0]), said
     assert any(str(place) in lines[0] for place in places), said
     assert "bug" not in said["said"], said
     assert "Traceback" not in said["said"], said

@@ -88,7 +88,13 @@ def test_promise_25__names_cannot_command_the_terminal(tmp_path: Path, capsys: p
     [
         (RuntimeError("the gauge broke"), 1, "fault", "RuntimeError: the gauge broke"),
         (AssertionError(), 1, "fault", "bug in furrowmap"),
-        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "cloud.laz"), 1, "system", "cloud.laz: No space left"),
+        (
+            OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "cloud.laz"),
+            1,
+            "not-written",
+            "cloud.laz cannot be written",
+        ),
+        (OSError(errno.EACCES, os.strerror(errno.EACCES), "cloud.laz"), 1, "system", "cloud.laz: Permission denied"),
         (MemoryError(), 1, "out-of-memory", "memory"),
         (KeyboardInterrupt(), 130, "cancelled", "Cancelled"),
     ],

@@ -33,7 +33,7 @@ from furrowmap.exporters.files.batch_state import (
 from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.lease import hold_lease, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
-from furrowmap.exporters.files.staging import make_folder
+from furrowmap.exporters.files.staging import made_folder
 from furrowmap.exporters.reports.pages import write_html
 from furrowmap.exporters.reports.season_pages import BATCH_PAGE, batch_page
 from furrowmap.exporters.vectors.batch_table import (
@@ -254,7 +254,7 @@ def batch(
             path.write_bytes(content)
         if dry_run:
             return runs.estimate(sources, stack.enter_context(batch_state(path if path.is_file() else None)))
-        make_folder(target)
+        stack.enter_context(made_folder(target))
         own = stack.enter_context(hold_lease(target))
         state = stack.enter_context(batch_state(path))
         for ended in refuse_leased(target, own):  # of batches that were killed

@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.write_errors import writing
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
+from furrowmap.exporters.files.staging import made_folder
 
 
 def write_notebooks(folder: Path) -> list[Path]:
@@ -22,9 +24,10 @@ def write_notebooks(folder: Path) -> list[Path]:
     sources = {folder / source.name: source for source in bundled.iterdir() if source.name.endswith(".ipynb")}
     for path in sources:
         refuse_existing(path, overwrite=False)
-    folder.mkdir(parents=True, exist_ok=True)
-    for path, source in sources.items():
-        path.write_bytes(source.read_bytes())
+    with made_folder(folder):
+        for path, source in sources.items():
+            with atomic_output(path) as unfinished:
+                unfinished.write_bytes(source.read_bytes())
     return sorted(sources)
 
 
@@ -70,23 +73,33 @@ def install_plugin(plugins: Path) -> Path:
     if target.is_symlink() or (target.exists() and _ini_value(target / "metadata.txt", "general", "name") != PLUGIN):
         raise RefusedError("exists.install-plugin", target=target)
     unfinished, old = (plugins / f".{PLUGIN}.{suffix}" for suffix in ("new", "old"))
-    plugins.mkdir(parents=True, exist_ok=True)
-    try:
-        for folder in (unfinished, old):
-            shutil.rmtree(folder, ignore_errors=True)
-        with as_file(files("furrowmap.plugin")) as source:
-            shutil.copytree(source, unfinished, ignore=shutil.ignore_patterns("__pycache__", "*.pyc"))
-        record = {"python": sys.executable, "version": version("furrowmap")}
-        (unfinished / INSTALLED_BY).write_text(json.dumps(record), encoding="utf-8")
-        if target.exists():
-            target.rename(old)
-        unfinished.rename(target)
-    finally:
-        if old.exists() and not target.exists():
-            old.rename(target)
-        for folder in (unfinished, old):
-            shutil.rmtree(folder, ignore_errors=True)
+    with made_folder(plugins), writing(target):
+        try:
+            for folder in (unfinished, old):
+                shutil.rmtree(folder, ignore_errors=True)
+            with as_file(files("furrowmap.plugin")) as source:
+                _copy_tree(source, unfinished)
+            record = {"python": sys.executable, "version": version("furrowmap")}
+            (unfinished / INSTALLED_BY).write_text(json.dumps(record), encoding="utf-8")
+            if target.exists():
+                target.rename(old)
+            unfinished.rename(target)
+        finally:
+            if old.exists() and not target.exists():
+                old.rename(target)
+            for folder in (unfinished, old):
+                shutil.rmtree(folder, ignore_errors=True)
     return target
+
+
+def _copy_tree(source: Path, target: Path) -> None:
+    """Copy a folder; the first error ends it, while shutil.copytree tries all others and keeps their texts alone."""
+    target.mkdir()
+    for path in sorted(source.iterdir()):
+        if path.is_dir() and path.name != "__pycache__":
+            _copy_tree(path, target / path.name)
+        elif path.is_file() and path.suffix != ".pyc":
+            shutil.copyfile(path, target / path.name)
 
 
 def write_plugin_zip(out: Path) -> None:

@@ -46,7 +46,7 @@ def write_half_and_raise(unfinished: Path, interruption: type[BaseException]) ->
     raise interruption
 
 
-@pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt, SystemExit, FileNotFoundError])
+@pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt, SystemExit, EOFError])
 def test_atomic_output__interrupted_leaves_all_as_it_was(tmp_path: Path, interruption: type[BaseException]) -> None:
     path = tmp_path / "field.gpkg"
     path.write_text("old")
