@@ -94,9 +94,7 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
                 products = lease / STAGED_PRODUCTS
                 products.mkdir()
             except OSError as error:
-                if failed_write(error) is not None:
-                    raise write_error(folder, error) from error
-                raise InputError("output-unwritable", folder=folder, strerror=error.strerror or error) from None
+                raise _unwritable(folder, error) from error
             try:
                 yield products
                 _commit(lease, folder)
