@@ -23,6 +23,8 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import pyogrio
+import shapely
 import tomli_w
 from numpy.typing import NDArray
 from pyproj import Transformer
@@ -43,8 +45,12 @@ ROUND_M = (3.0, 6.0, 9.0)
 """Distances of the points on the ground that stand for a cloud."""
 PART_M = 3.0
 SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
-QUANTITIES = ("place", "height", "heading", "cloud", "cloud_h")
-HEAD = ("height", "heading", "cloud", "its height")
+QUANTITIES = ("place", "height", "heading", "cloud", "cloud_h", "edge", "share")
+HEAD = ("height", "heading", "cloud", "its height", "edge", "share")
+EDGE_FLOOR_M = 0.02
+"""What an edge of worked ground is known to at best: the tool's line is smoothed, its soil is thrown."""
+SHARE_FLOOR = 0.02
+"""The same of the share of the field that is worked."""
 HARMLESS = frozenset(
     {
         "points-without-pose",
@@ -62,6 +68,19 @@ HARMLESS = frozenset(
 scans see hardly any ground, and nothing but GNSS and the session determines the poses."""
 GENERAL = ("contradiction",)
 """Begins of codes that name any cause."""
+BLAMES = {
+    "mounting-off": "mounting",
+    "mounting-height": "mounting",
+    "clock-offset": "clock",
+    "gnss-frozen": "positions",
+    "gnss-heights": "positions",
+    "boundary-apart": "boundary",
+    "tool-apart": "tool",
+    "elevations-off": "model",
+    "model-differs": "model",
+}
+"""Begins of codes, and the cause that each of them names."""
+CAUSES_ALIKE = {"upside-down": "mounting", "clock-or-lever-arm": "clock"}
 
 
 @dataclass(frozen=True)
@@ -74,6 +93,8 @@ class Judged:
         errors: RMS of the true errors, in m and degrees, by QUANTITIES.
         sigmas: RMS of the stated sigmas.
         codes: of the report's warnings.
+        causes: that are right; none where the table does not say, so that any contradiction will do.
+        blamed: causes that the verdict and the warnings name.
     """
 
     names: Sequence[str]
@@ -81,6 +102,8 @@ class Judged:
     errors: Mapping[str, float] = dataclasses.field(default_factory=dict)
     sigmas: Mapping[str, float] = dataclasses.field(default_factory=dict)
     codes: Sequence[str] = ()
+    causes: Sequence[str] = ()
+    blamed: Sequence[str] = ()
 
     @property
     def worst(self) -> float:
@@ -90,6 +113,8 @@ class Judged:
     @property
     def named(self) -> bool:
         """Whether a warning names what is wrong; of a right session, whether any casts doubt on the result."""
+        if self.causes:
+            return bool(set(self.blamed) & set(self.causes))
         if not self.names:
             return bool(set(self.codes) - HARMLESS)
         return any(code.startswith((*self.names, *GENERAL)) for code in self.codes)
@@ -97,9 +122,11 @@ class Judged:
     @property
     def well(self) -> bool:
         """Whether a right session is as good as it says and not doubted, and the cause of a wrong one is named."""
+        if self.causes and set(self.blamed) - set(self.causes):
+            return False
         return (
             (self.named or self.worst <= LARGEST or bool(self.refused))
-            if self.names
+            if self.names or self.causes
             else not (self.named or self.refused or self.worst > LARGEST)
         )
 
@@ -158,19 +185,54 @@ def conclude(found: Mapping[str, Any], said: str) -> int:
 def case(recording: Path, misstated: Mapping[str, Any], faulty: Sequence[str]) -> Judged:
     """Run a recording with what is misstated in its session or positions."""
     names = (*misstated.get("names", ()), *faulty)
+    causes = misstated.get("causes", ())
     with tempfile.TemporaryDirectory(dir=recording) as folder:
         session = _session(recording, Path(folder), misstated)
         try:
             furrowmap.run(session, Path(folder) / "out")
         except FurrowmapError as error:
-            return Judged(names, error.code)
+            return Judged(names, error.code, causes=causes)
         except MemoryError:
-            return Judged(names, "memory")
+            return Judged(names, "memory", causes=causes)
         report = json.loads(Path(folder, "out", "report.json").read_text(encoding="utf-8"))
-        errors, sigmas = judged(
-            recording, Path(folder, "out", "field.gpkg"), tomllib.loads(session.read_text()), report
-        )
-    return Judged(names, "", errors, sigmas, sorted({warning["code"] for warning in report["warnings"]}))
+        field = Path(folder, "out", "field.gpkg")
+        errors, sigmas = judged(recording, field, tomllib.loads(session.read_text()), report)
+        if causes:
+            worked = judged_work(recording, field, report, sigmas["place"])
+            errors |= {name: error for name, (error, _) in worked.items()}
+            sigmas |= {name: sigma for name, (_, sigma) in worked.items()}
+    codes = sorted({warning["code"] for warning in report["warnings"]})
+    return Judged(names, "", errors, sigmas, codes, causes, blamed(codes, report["verdict"].get("cause")))
+
+
+def blamed(codes: Sequence[str], cause: str | None) -> list[str]:
+    """The causes that warnings and a verdict name; a verdict of an unknown cause names none."""
+    named = {BLAMES[begin] for begin in BLAMES for code in codes if code.startswith(begin)}
+    if cause is not None and cause != "unknown":
+        named.add(CAUSES_ALIKE.get(cause, cause))
+    return sorted(named)
+
+
+def judged_work(
+    recording: Path, field: Path, report: Mapping[str, Any], sigma_m: float
+) -> dict[str, tuple[float, float]]:
+    """Errors and sigmas of the worked ground's edge (mean distance, m) and of its share of the field.
+
+    Args:
+        sigma_m: of the places of the vehicle.
+    """
+    figures, found = report["figures"], {}
+    true = shapely.union_all(pyogrio.read_dataframe(recording / "truth" / "worked.gpkg", layer="coverage").geometry)
+    if figures.get("worked_area_m2") and "coverage" in pyogrio.list_layers(field)[:, 0] and true.length:
+        ours = shapely.union_all(pyogrio.read_dataframe(field, layer="coverage").geometry)
+        edge_m = ours.symmetric_difference(true).area / true.length
+        found["edge"] = (edge_m, math.hypot(sigma_m, EDGE_FLOOR_M))
+        if (share := figures.get("worked_share")) is not None:
+            fields = pyogrio.read_dataframe(recording / "boundary.geojson").to_crs(report["figures"]["crs"])
+            outline = shapely.union_all(fields.geometry)
+            true_share = true.intersection(outline).area / outline.area
+            found["share"] = (abs(share - true_share), max(SHARE_FLOOR, true_share * sigma_m))
+    return found
 
 
 def judged(
@@ -241,14 +303,22 @@ def _session(recording: Path, folder: Path, misstated: Mapping[str, Any]) -> Pat
             value = [a + b for a, b in zip(was, value, strict=True)] if isinstance(was, list) else was + value
         elif key.endswith("_times"):
             key, was = key.removesuffix("_times"), keys[table][key.removesuffix("_times")]
-            value = [a * b for a, b in zip(was, value, strict=True)]
+            value = [a * b for a, b in zip(was, value, strict=True)] if isinstance(was, list) else was * value
         keys[table][key.removesuffix("_by")] = value
     log = (recording / keys["recording"]["gnss"][0]).read_text(encoding="ascii")
     (folder / "gnss.nmea").write_text(_damaged(log, misstated.get("positions", {})), encoding="ascii", newline="")
-    for path in (recording / keys["recording"]["lidar"][0], recording / "boundary.geojson"):
-        os.link(path, folder / path.name)
+    capture = recording / keys["recording"]["lidar"][0]
+    if "product" in misstated:
+        _rewrite_product(capture, folder / capture.name, misstated["product"])
+    else:
+        os.link(capture, folder / capture.name)
+    for beside in recording.glob("recording.*"):
+        if not (folder / beside.name).exists():
+            os.link(beside, folder / beside.name)
+    _write_boundary(recording / "boundary.geojson", folder, misstated.get("boundary", {}))
     truth = load_simulation(recording).truth.xyz_m
-    part_of_ground(keys, folder, truth[len(truth) // 2, :2])
+    if not misstated.get("whole"):
+        part_of_ground(keys, folder, truth[len(truth) // 2, :2])
     session = folder / "session.toml"
     session.write_text(tomli_w.dumps(keys), encoding="utf-8")
     return session
@@ -270,12 +340,46 @@ def part_of_ground(keys: dict[str, Any], folder: Path, middle_m: FloatArray) -> 
     keys.setdefault("field", {})["within"] = "part.geojson"
 
 
+def _rewrite_product(capture: Path, to: Path, product: int) -> None:
+    """A Velodyne's capture whose data packets state another product."""
+    data = bytearray(capture.read_bytes())
+    at, packet = 24, 42 + 1206
+    while at < len(data):
+        length = int.from_bytes(data[at + 8 : at + 12], "little")
+        at += 16 + length
+        if length == packet:
+            data[at - 1] = product
+    to.write_bytes(data)
+
+
+def _write_boundary(boundary: Path, folder: Path, what: Mapping[str, Any]) -> None:
+    """The field's boundary, moved by `east_m` and `north_m`, or mirrored about its southern edge."""
+    layer = json.loads(boundary.read_text(encoding="utf-8"))
+    for feature in layer["features"]:
+        rings = feature["geometry"]["coordinates"]
+        south = min(lat for _, lat, *_ in rings[0])
+        for ring in rings:
+            for place in ring:
+                east_deg = what.get("east_m", 0.0) / 111_320.0 / math.cos(math.radians(south))
+                place[0] += east_deg
+                place[1] += what.get("north_m", 0.0) / 111_132.0
+                if what.get("mirrored"):
+                    place[1] = 2.0 * south - place[1]
+    (folder / boundary.name).write_text(json.dumps(layer), encoding="utf-8")
+
+
 def _damaged(log: str, what: Mapping[str, Any]) -> str:
-    """NMEA sentences whose latitudes jump (`north_m`), or whose places are zero, in times after the first."""
+    """NMEA sentences that state other places in some seconds after the first.
+
+    Latitudes jump (`north_m`) or creep (`north_per_min_m`), heights step (`up_m`), creep (`up_per_min_m`), swing
+    (`swing_m` in `swing_s`) or are rounded (`round_m`); `frozen` are "heights" or "places" as at the begin; places are
+    zero where nothing is said.
+    """
     if not what:
         return log
-    begin_s, end_s = what["seconds"]
+    begin_s, end_s = what.get("seconds", (0.0, math.inf))
     lines, first_s = log.splitlines(), math.nan
+    kept: dict[str, list[str]] = {}
     for i, text in enumerate(lines):
         field = text.partition("*")[0].lstrip("$").split(",")
         kind = field[0][2:]
@@ -286,13 +390,32 @@ def _damaged(log: str, what: Mapping[str, Any]) -> str:
         if not begin_s <= t_s - first_s < end_s:
             continue
         at = 2 if kind == "GGA" else 3
-        if "north_m" in what:
-            minutes = float(field[at][2:]) + what["north_m"] / 1852.0
+        since_s = t_s - first_s - begin_s
+        north_m = what.get("north_m", 0.0) + what.get("north_per_min_m", 0.0) * since_s / 60.0
+        if north_m:
+            minutes = float(field[at][2:]) + north_m / 1852.0
             field[at] = f"{field[at][:2]}{minutes:011.8f}"
+        elif what.get("frozen") == "places":
+            field[at : at + 4] = kept.setdefault(kind, field[at : at + 4])
+        elif set(what) & {"up_m", "up_per_min_m", "swing_m", "round_m", "frozen"}:
+            if kind == "GGA":
+                field[9] = _height(field[9], since_s, what, kept)
         else:
             field[at], field[at + 2] = "0000.00000000", "00000.00000000"
         lines[i] = sentence(field)
     return "\r\n".join(lines) + "\r\n"
+
+
+def _height(text: str, since_s: float, what: Mapping[str, Any], kept: dict[str, list[str]]) -> str:
+    """The altitude that a damaged log states so many seconds after its damage begins."""
+    if what.get("frozen") == "heights":
+        return kept.setdefault("height", [text])[0]
+    height_m = float(text) + what.get("up_m", 0.0) + what.get("up_per_min_m", 0.0) * since_s / 60.0
+    if "swing_m" in what:
+        height_m += what["swing_m"] * math.sin(2.0 * math.pi * since_s / what["swing_s"])
+    if "round_m" in what:
+        height_m = round(height_m / what["round_m"]) * what["round_m"]
+    return f"{height_m:.4f}"
 
 
 def sentence(field: Sequence[str]) -> str:
@@ -309,10 +432,14 @@ def line(name: str, one: Judged) -> str:
     if one.refused:
         return f"{name:30}refused: {one.refused}"
     digits = {"heading": "{:.2f}/{:.2f}"}
-    pairs = [digits.get(key, "{:.3f}/{:.3f}").format(one.errors[key], one.sigmas[key]) for key in QUANTITIES]
+    pairs = [
+        digits.get(key, "{:.3f}/{:.3f}").format(one.errors[key], one.sigmas[key]) if key in one.errors else ""
+        for key in QUANTITIES
+    ]
     mark = " " if one.well else "!"
     words = ", ".join(code for code in one.codes if code not in HARMLESS)
-    return f"{name:30}{'':6}" + "".join(f"{pair:>16}" for pair in pairs) + f"{one.worst:8.1f} {mark} {words}"
+    names = f" [{', '.join(one.blamed)}]" if one.blamed else ""
+    return f"{name:30}{'':6}" + "".join(f"{pair:>16}" for pair in pairs) + f"{one.worst:8.1f} {mark} {words}{names}"
 
 
 def options_of(text: str | None) -> argparse.ArgumentParser:

@@ -18,6 +18,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.estimation.positions import AntennaPositions
 from furrowmap.core.runtime.arrays import FloatArray, three
+from furrowmap.core.trajectory.held_positions import measured_heights
 
 SWAY_S: Final = 1.1
 """What is slower than this, as drift and the way itself, is removed."""
@@ -109,6 +110,7 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
     """
     inside = knots.at(antenna.positions.t_s)[2]
     t_s, run = antenna.positions.t_s[inside], antenna.positions.run[inside]
+    sways = measured_heights(antenna.positions)[inside]
     if len(t_s) < MIN_SWAY_POSITIONS or float(np.median(np.diff(t_s))) > MAX_SWAY_STEP_S:
         return AntennaSway()
     k, design, residual, sigma = antenna.linearised(knots, state)
@@ -128,12 +130,14 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
     residual, left = _swaying(residual, segments), _swaying(left, segments)
     axes = _swaying(state.rotation[k, 2, :2], segments)
     batch = np.floor((t_s - t_s[0]) / SWAY_BATCH_S).astype(np.int64)
-    level, level_sigma, used = _fitted(axes, residual[:, 2], batch)
+    swaying = np.flatnonzero(sways)
+    level, level_sigma, used = _fitted(axes[swaying], residual[swaying, 2], batch[swaying])
+    used = swaying[used]
     up, up_sigma, _ = _fitted(left.reshape(-1, 1), residual[:, :2].ravel(), np.repeat(batch, 2))
     shares = np.array([LEVEL_LEVER_SHARE, LEVEL_LEVER_SHARE, UP_LEVER_SHARE])
     sigmas = np.sqrt(np.append(level_sigma, up_sigma) ** 2 + (shares * antenna.lever_m) ** 2 + np.square(SWAY_FLOOR_M))
     found = AntennaSway(three(np.append(level, up)), three(sigmas))
-    if not found.off:
+    if not (found.off and len(used)):
         return found
     rest = (residual[:, 2] - axes @ level)[used]
     away = np.hypot(*(antenna.lever_m[:2] + level)) < UNRELATED_SIGMAS * np.hypot(*sigmas[:2])
@@ -154,6 +158,8 @@ def _fitted(
     design: FloatArray, residual: FloatArray, batch: NDArray[np.int64]
 ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
     """Least squares, standard deviations by the scatter of batches (sandwich; White 1980), and rows that took part."""
+    if len(residual) < MIN_SWAY_POSITIONS:
+        return np.zeros(design.shape[1]), np.full(design.shape[1], np.inf), np.zeros(0, np.intp)
     used = np.flatnonzero(
         np.abs(residual) < MAX_SWAY_DEVIATIONS * 1.4826 * max(float(np.median(np.abs(residual))), 1e-6)
     )

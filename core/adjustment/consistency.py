@@ -11,6 +11,7 @@ import numpy as np
 
 from furrowmap.core.adjustment.antenna_sway import LEVER_CERTAIN_SIGMAS, AntennaSway
 from furrowmap.core.adjustment.clock_offset import CAUSE_CLEAR_RATIO, MIN_OFFSET_GAIN, AntennaConstants
+from furrowmap.core.adjustment.laser_elevations import OtherModel
 from furrowmap.core.adjustment.problem import Adjusted
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S
@@ -51,11 +52,13 @@ class GroundTilt:
         tilt_deg: angle between the vehicle's z axis and the upward normal of the ground; 0 where it is as it should be.
         upside_down: whether it would be as it should be with the scanner turned over.
         facing: which way the scanner faces by what stands, where scans see too little ground to be matched.
+        model: that the scanner is likely of, rather than the one that it is read as; None where that one fits.
     """
 
     tilt_deg: float = 0.0
     upside_down: bool = False
     facing: Facing = field(default_factory=Facing)
+    model: OtherModel | None = None
 
 
 LEVEL_GROUND: Final = GroundTilt()
@@ -114,6 +117,7 @@ class Cause(StrEnum):
     CLOCK_OR_LEVER_ARM = "clock-or-lever-arm"
     UPSIDE_DOWN = "upside-down"
     MOUNTING = "mounting"
+    MODEL = "model"
     POSITIONS = "positions"
     UNKNOWN = "unknown"
 
@@ -131,6 +135,7 @@ class Seen:
         lever_m: lever arm with which the scans agree better; None where no other was found.
         slow_times: slow errors of the positions, over what the receiver states, as scans show them; 1 where as stated.
         slow_gain: by how much larger slow errors would make −2 log likelihood fall.
+        creep_mps: rate at which heights creep; 0 where they do not.
     """
 
     slip: float = 0.0
@@ -141,6 +146,7 @@ class Seen:
     lever_m: tuple[float, float, float] | None = None
     slow_times: float = 1.0
     slow_gain: float = 0.0
+    creep_mps: float = 0.0
 
     @property
     def factor(self) -> float:
@@ -170,6 +176,8 @@ class Seen:
     def cause(self) -> Cause | None:
         """The likely cause of a contradiction; None where there is none."""
         c = self.constants
+        if self.ground.model is not None:
+            return Cause.MODEL
         if self.ground.tilt_deg or self.ground.facing.offset_deg:
             return Cause.UPSIDE_DOWN if self.ground.upside_down else Cause.MOUNTING
         if self.factor <= 1.0 and self.slow_times == 1.0:
@@ -193,6 +201,8 @@ _LIKELY: Final = {
     "clocks, [recording] lidar_minus_gnss_s: the drive does not separate the two.",
     Cause.UPSIDE_DOWN: "The likely cause is a scanner mounted upside down, or the roll in [lidar] rpy_deg.",
     Cause.MOUNTING: "The likely cause is the mounting of the scanner, [lidar] rpy_deg.",
+    Cause.MODEL: "The likely cause is the model of the scanner: [lidar] model, the product byte of its packets, or the "
+    "metadata beside them.",
     Cause.POSITIONS: "The likely cause is the positions: PPP, DGNSS or float solutions, smoothed logs, or standard "
     "deviations that are too small.",
     Cause.UNKNOWN: "Lever arm ([antenna] xyz_m), mounting ([lidar] xyz_m, rpy_deg), clocks (lidar_minus_gnss_s) or the "
@@ -206,7 +216,13 @@ def contradiction_notice(seen: Seen) -> Notice | None:
     if cause is None:
         return None
     shown = []
-    if seen.ground.tilt_deg:
+    if seen.ground.model is not None:
+        other, plane = seen.ground.model, seen.ground.model.ground
+        shown.append(
+            f"with the elevations of a {other.read_as} the ground is tilted by {plane.tilt_deg:.0f}° in the vehicle "
+            f"frame and {plane.above_m:+.2f} m above its origin, with those of a {other.name} it is level and in place"
+        )
+    elif seen.ground.tilt_deg:
         shown.append(f"the ground is tilted by {seen.ground.tilt_deg:.0f}° in the vehicle frame")
     if turn_deg := seen.ground.facing.offset_deg:
         shown.append(f"plants stay in one place with the scanner turned by {turn_deg:+.0f}° about the vertical")
@@ -216,6 +232,8 @@ def contradiction_notice(seen: Seen) -> Notice | None:
         shown.append(f"positions drift {seen.drift:.1f} times as much as the receiver states")
     if seen.slow_times > 1.0:
         shown.append(f"positions err slowly together, {seen.slow_times:.0f} times as much as the receiver states")
+    if seen.creep_mps and seen.slow_times > 1.0:
+        shown.append(f"heights creep by {60.0 * seen.creep_mps:+.2f} m a minute against ground that is seen again")
     if c.off:
         x, y = c.lever_m
         shown.append(
@@ -271,6 +289,11 @@ def enlarge_sigmas(
     if seen.cause is None:
         return trajectory
     sigma, c = trajectory.sigma * max(seen.factor, 1.0), seen.constants
+    other = seen.ground.model
+    if other is not None:
+        # Poses fitted to it are off by as much.
+        sigma[:, 2] = np.hypot(sigma[:, 2], other.ground.above_m)
+        sigma[:, 3:5] = np.hypot(sigma[:, 3:5], other.ground.tilt_deg)
     turn_deg, turned_deg = seen.ground.tilt_deg, max(turned_deg, abs(seen.ground.facing.offset_deg))
     place_m = 2.0 * float(np.linalg.norm(sensor_m)) if turn_deg else 0.0
     if seen.lever_m is not None:
@@ -311,7 +334,14 @@ def check_consistency(adjusted: Adjusted, ground: GroundTilt) -> Seen:
     slip = _rms(sideways / stated)
     slow = adjusted.slow_errors
     return Seen(
-        slip, _rms(drift), adjusted.constants, ground, adjusted.sway, slow_times=max(slow.times), slow_gain=slow.gain
+        slip,
+        _rms(drift),
+        adjusted.constants,
+        ground,
+        adjusted.sway,
+        slow_times=max(slow.times),
+        slow_gain=slow.gain,
+        creep_mps=slow.trend.rate_mps if slow.trend.shown else 0.0,
     )
 
 

@@ -57,6 +57,8 @@ PLACED_M: Final = 0.05
 HEIGHT_REPORTED_M: Final = 0.05
 FACING_ASSUMED: Final = Notice("facing-assumed")
 LEVER_ASSUMED: Final = Notice("lever-assumed")
+OF_MOUNTING: Final = "mounting-"
+"""Begin of the codes of notices about the mounting."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.antenna_sway import AntennaSway, antenna_sway
 from furrowmap.core.adjustment.clock_offset import AntennaConstants, antenna_constants
+from furrowmap.core.adjustment.height_trend import HeightTrend
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, Aid
@@ -192,11 +193,13 @@ class SlowErrors:
         checked: whether scans would show errors of decimetres on the map. Where they do not show which way the scanner
             faces, what they say of the way is as likely a pattern that moves with the vehicle.
         gain: by how much −2 log likelihood falls with them, also where another cause is assumed.
+        trend: the rate at which heights creep.
     """
 
     times: tuple[float, float] = (1.0, 1.0)
     checked: bool = False
     gain: float = 0.0
+    trend: HeightTrend = field(default_factory=HeightTrend)
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,11 @@ from furrowmap.core.adjustment.consistency import (
     enlarge_sigmas,
     ground_tilt,
 )
+from furrowmap.core.adjustment.laser_elevations import other_model
 from furrowmap.core.adjustment.matched import (
     FACING_ASSUMED,
     LEVER_ASSUMED,
+    OF_MOUNTING,
     Matched,
     Prepared,
     height_is_off,
@@ -164,6 +166,10 @@ def _judged(matched: Matched, prepared: Prepared, located: Located, session: Ses
     contradiction = contradiction_notice(seen)
     if contradiction is None:
         return matched
+    if seen.cause is Cause.MODEL:
+        # A mounting that fits the elevations of another model is not the scanner's.
+        rest = tuple(notice for notice in matched.notices if not notice.code.startswith(OF_MOUNTING))
+        matched = replace(matched, notices=rest)
     turned_deg = _turned_deg(seen, prepared, located)
     trajectory = enlarge_sigmas(matched.trajectory, seen, prepared.problem.lever_m, sensor.xyz_m, turned_deg)
     return replace(matched, trajectory=trajectory, seen=seen, notices=(contradiction, *matched.notices))
@@ -195,6 +201,8 @@ def _prepared(
     scans = iter(watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans"))
     mounting, first = session.lidar.mounting, list(islice(scans, FIRST_SCANS))
     ground = ground_tilt(first, mounting)
+    if not any(key.startswith("lidar.") for key in session.unstated):
+        ground = replace(ground, model=other_model(first, mounting, lidar.beam_elevations()))
     returns = ground_returns(chain(first, scans), mounting, located.trajectory, on_scan)
     if on_scan is not None:
         on_scan(None)

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.bridging import bridge_gaps, gaps_between
 from furrowmap.core.adjustment.consistency import LEVEL_GROUND, MAX_SLIP, check_consistency
+from furrowmap.core.adjustment.height_trend import height_trend
 from furrowmap.core.adjustment.laser_ranges import laser_ranges
 from furrowmap.core.adjustment.mounting_calibration import MIN_TURN_DEG, mounting_calibration
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem, SlowErrors
@@ -58,6 +59,8 @@ REMOUNT_ROUNDS: Final = ((0.1, 2), (0.1, 1))
 STANCE_CELL_M: Final = 0.1
 MAX_SLOW_SEARCHES: Final = 2
 """So often slow errors of the positions are looked for, each time at the poses that follow those found before."""
+LEAST_TIMES: Final = 1.5
+"""Of a slow error that is larger than stated."""
 SHOWN_M: Final = 0.2
 """A slow error on the map that scans should show."""
 
@@ -246,7 +249,14 @@ def shown_slow_errors(stated: Problem, adjusted: Adjusted) -> SlowErrors:
     if horizontal == 1.0 < vertical:
         horizontal = likeliest(lambda times: deviance(times, vertical), MIN_GAIN_TOO)
         horizontal = vertical if horizontal == 1.0 and not checked else horizontal
-    return SlowErrors((horizontal, vertical), checked, deviance(1.0, 1.0) - deviance(horizontal, vertical))
+    gain = deviance(1.0, 1.0) - deviance(horizontal, vertical)
+    trend = height_trend((others, others_right), drift_of(1.0, 1.0)[:2], last.coarse.times_s(knots))
+    if trend.shown:
+        # A creeping error is as far from its mean, half of the time in either direction.
+        crept_m = 0.5 * abs(trend.rate_mps) * float(np.ptp(knots.t_s))
+        longer = np.sqrt(UNKNOWN_CORRELATION_S / DRIFT_CORRELATION_S)
+        vertical = max(vertical, crept_m / (longer * float(np.median(positions.drift_m[:, 2]))), LEAST_TIMES)
+    return SlowErrors((horizontal, vertical), checked, max(gain, trend.gain), trend)
 
 
 class _Steps:

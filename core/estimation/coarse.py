@@ -54,12 +54,18 @@ class CoarseKnots:
         out[self.before[chosen]] = out[self.before[chosen] + 1] = True
         return out
 
+    def times_s(self, knots: Knots) -> FloatArray:
+        """(count,) time of each coarse knot."""
+        chains = zip(knots.chains, self.grids, strict=True)
+        steps = [(c.begin_s, g.every * KNOT_STEP_S * np.arange(_intervals(c, g.every) + 1)) for c, g in chains]
+        return np.concatenate([begin_s + since_s for begin_s, since_s in steps])
+
     def centres(self, knots: Knots, state: State) -> FloatArray:
         """(count, 3) where the vehicle is at each coarse knot; a twist turns about that point."""
-        out = []
+        out, times_s = [], self.times_s(knots)
         for chain, grid in zip(knots.chains, self.grids, strict=True):
             part = slice(chain.first, chain.first + chain.count)
-            t = chain.begin_s + grid.every * KNOT_STEP_S * np.arange(_intervals(chain, grid.every) + 1)
+            t = times_s[grid.first : grid.first + _intervals(chain, grid.every) + 1]
             out.append(np.column_stack([np.interp(t, knots.t_s[part], state.xyz_m[part, k]) for k in range(3)]))
         return np.concatenate(out)
 

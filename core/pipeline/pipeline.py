@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import msgspec
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -51,7 +52,7 @@ from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.boundary import field_boundary, ground_to_map
+from furrowmap.core.work.boundary import field_boundary, ground_to_map, held_against_boundary
 from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.field_work import FieldWork, ImplementTracker, with_grounds
 from furrowmap.core.work.machine import classifier
@@ -167,6 +168,7 @@ def run(
         ((k, one.implement) for k, one in enumerate(further, start=1) if one.implement is not None), (0, implement)
     )
     work = replace(tracker.work(located.trajectory, frame, boundary, states), scanner=number)
+    field_notices += _boundary_notices(work, located.trajectory)
     watch.lap("work")
     notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
     notices += session_notices(session, located, matched=matched is not None) + position_notices(placement, located)
@@ -250,6 +252,12 @@ def _read_boundary(opened: OpenSession, trajectory: Trajectory) -> tuple[BaseGeo
     if file is None:
         return None, []
     return field_boundary(file, opened.frame, opened.session.field.name, trajectory.xyz_m)
+
+
+def _boundary_notices(work: FieldWork, trajectory: Trajectory) -> list[Notice]:
+    """Whether the ground worked, or where that is not known the drive, lies in the field."""
+    worked = [one.ground.coverage for one in work.each if one.ground is not None]
+    return held_against_boundary(work.boundary, shapely.union_all(worked) if worked else None, trajectory.xyz_m)
 
 
 def _read_external_states(opened: OpenSession, trajectory: Trajectory) -> tuple[list[ToolStates | None], list[Notice]]:
@@ -524,6 +532,7 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
         for tool, external in zip_longest(tools, states)
     ]
     work = with_grounds(known, located.trajectory, opened.frame, tools)
+    field_notices += _boundary_notices(work, located.trajectory)
     watch.lap("work")
     placement = Placement.without_scans(located.trajectory)
     notices = [*positions.notices, *located.notices, *quality_notices(placement.poses), *aid_notices]

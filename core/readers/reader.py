@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 from furrowmap.core.readers.agopengps import PARTS, is_field_folder
 from furrowmap.core.readers.source import Head, look
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import BINARY, binary_kind, file_kind
 from furrowmap.core.values.camera import Camera
@@ -134,6 +135,18 @@ class GivesScans(Reader, Protocol):
 
     def scans(self) -> Iterator[Scan]:
         """The scans in the order of time, streamed; numbered from 0 across all files."""
+        ...
+
+
+@runtime_checkable
+class GivesBeams(Protocol):
+    """A reader of a scanner whose packets those of other models look like."""
+
+    def beam_elevations(self) -> Mapping[str, FloatArray]:
+        """Elevations (lasers,) in degrees by model, lowest first; the model in use first.
+
+        Known from the first scan on; empty before.
+        """
         ...
 
 

@@ -1,7 +1,7 @@
 """An open session: its paths resolved once, its map frame, and the readers of its files."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import (
     GivesAttitude,
+    GivesBeams,
     GivesImages,
     GivesInertial,
     GivesPoses,
@@ -22,6 +23,7 @@ from furrowmap.core.readers.reader import (
     ReadOptions,
     open_recording,
 )
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out, resolved
 from furrowmap.core.runtime.progress import Progress
@@ -149,6 +151,13 @@ class LidarRecording:
     def ahead_by(self, offset_s: float) -> "LidarRecording":
         """The recording of a clock that is ahead by so much more."""
         return LidarRecording(self._reader, self._minus_gnss_s + offset_s, self._span_s) if offset_s else self
+
+    def beam_elevations(self) -> Mapping[str, FloatArray]:
+        """Elevations (lasers,) in degrees of the model in use, and then of others that the packets may be of.
+
+        Lowest first; empty before the first scan, and where the packets are of one model alone.
+        """
+        return self._reader.beam_elevations() if isinstance(self._reader, GivesBeams) else {}
 
     @property
     def notices(self) -> list[Notice]:

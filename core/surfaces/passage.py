@@ -27,12 +27,16 @@ class LineTrack:
 
 @dataclass(frozen=True)
 class LinePassage:
-    """UTC of the first and last passage of a line over cells, ±inf without, and the pass of the last or 0, by cell."""
+    """UTC of the first and last passage of a line over cells, ±inf without, and the pass of the last or 0, by cell.
+
+    `across_m` is how far to the left of the line's middle a cell lay in that pass; nan without.
+    """
 
     grid: Grid
     first_s: FloatArray
     last_s: FloatArray
     number: NDArray[np.int32]
+    across_m: NDArray[np.float32]
 
     @property
     def passed(self) -> NDArray[np.bool_]:
@@ -61,21 +65,30 @@ class Passages:
     def __bool__(self) -> bool:
         return bool(len(self._steps))
 
+    def reach(self, grid: Grid, beside_m: float = 0.0) -> bool:
+        """Whether the line, extended by `beside_m` at both ends, may pass over a grid."""
+        return bool(self._near(grid, beside_m).any())
+
+    def _near(self, grid: Grid, beside_m: float) -> NDArray[np.bool_]:
+        """Which chunks of steps may pass over a grid."""
+        west, south, east, north = grid.bounds_m
+        near: NDArray[np.bool_] = (self._low <= (east + beside_m, north + beside_m)).all(axis=1)
+        near &= (self._high >= (west - beside_m, south - beside_m)).all(axis=1)
+        return near
+
     def over(self, grid: Grid, beside_m: float = 0.0) -> LinePassage:
         """Passages over the cells of a grid of the line extended by `beside_m` at both ends."""
         first, last = np.full(grid.shape, np.inf), np.full(grid.shape, -np.inf)
         number = np.zeros(grid.shape, np.int32)
-        west, south, east, north = grid.bounds_m
-        near = (self._low <= (east + beside_m, north + beside_m)).all(axis=1)
-        near &= (self._high >= (west - beside_m, south - beside_m)).all(axis=1)
-        for k in np.flatnonzero(near).tolist():
+        across = np.full(grid.shape, np.nan, np.float32)
+        for k in np.flatnonzero(self._near(grid, beside_m)).tolist():
             steps = self._steps[k * STEPS_A_CHUNK : (k + 1) * STEPS_A_CHUNK]
-            pass_over(steps, beside_m, grid.cell_m, grid.west, grid.north, first, last, number)
-        return LinePassage(grid, first, last, number)
+            pass_over(steps, beside_m, grid.cell_m, grid.west, grid.north, first, last, number, across)
+        return LinePassage(grid, first, last, number, across)
 
 
 @kernel()
-def pass_over(steps, beside_m, cell_m, west, north, first_s, last_s, number):  # type: ignore[no-untyped-def]
+def pass_over(steps, beside_m, cell_m, west, north, first_s, last_s, number, across_m):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`Passages.over`.
 
     Within a step the middle M and the half line H change linearly with s from 0 to 1. The line passes P where
@@ -118,3 +131,4 @@ def pass_over(steps, beside_m, cell_m, west, north, first_s, last_s, number):  #
                 if t >= last_s[row, column]:
                     last_s[row, column] = t
                     number[row, column] = int(steps[k, 10])
+                    across_m[row, column] = along / length

@@ -15,6 +15,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice, RefusedError
+from furrowmap.core.trajectory.held_positions import held_against_motion, without_held
 from furrowmap.core.trajectory.kinematic import EpochMeasurements, PathEpochs, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
 from furrowmap.core.trajectory.positions import (
@@ -89,9 +90,11 @@ def trajectory_from_gnss(
     """
     notices: list[Notice] = []
     gated, unused = usable(track, fixes, notices)
+    gated = without_held(gated, unused, notices)
     judge_rate(gated, notices)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     gated, en = without_jumps(gated, en, unused, notices)
+    gated = held_against_motion(gated, en, notices)
     convergence = frame.convergence_deg(gated.lon_deg, gated.lat_deg)
     sigma = sigmas_m(gated)
     white = white_noise_m(gated, en, sigma[:, 0])

@@ -40,6 +40,7 @@ from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import CONTRADICTION, InputError, Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
+from furrowmap.core.trajectory.held_positions import held_against_motion, without_held
 from furrowmap.core.trajectory.imu_clock import MIN_OFFSET_S, search_imu_clock
 from furrowmap.core.trajectory.inertial_adjustment import (
     Fitted,
@@ -318,7 +319,9 @@ def trajectory_from_inertial(
     """
     notices: list[Notice] = []
     gated, unused = usable(track, fixes, notices)
+    gated = without_held(gated, unused, notices)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
+    gated = held_against_motion(gated, en, notices)
     notices += climb_notices(gated, en) if hints.on_wheels else []
     positions = positions_without_steps(gated, en)
     imu = replace(imu, noise=with_shown_noise(imu.noise, imu.track, notices))

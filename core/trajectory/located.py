@@ -30,6 +30,7 @@ from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_gnss
 from furrowmap.core.trajectory.from_inertial import InertialFigures, trajectory_from_inertial
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
+from furrowmap.core.trajectory.held_positions import without_held
 from furrowmap.core.trajectory.inertial_start import Hints, MountedImu, site_of
 from furrowmap.core.trajectory.motion import STANDING_MPS, longest_gap_s
 from furrowmap.core.trajectory.pose_errors import PoseErrors
@@ -124,6 +125,7 @@ def trajectory_from_attitude_logs(
     """
     notices: list[Notice] = []
     gated, unused = usable(track, fixes, notices)
+    gated = without_held(gated, unused, notices)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     t_s, xyz, velocity = _antenna(gated, en, logs.roll_pitch.t_s)
     roll, pitch = (_at(t_s, logs.roll_pitch, name) for name in ("roll_deg", "pitch_deg"))

@@ -17,6 +17,10 @@ from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 MIN_BOUNDARY_SHARE: Final = 0.01
 """A field in which the vehicle is for less of the time is passed by or crossed."""
 MAX_NAMES: Final = 10
+MAX_OUTSIDE_SHARE: Final = 0.1
+"""A larger share of the worked ground outside of its field is no headland, but another field's."""
+EDGE_M: Final = 1.0
+"""Boundaries are drawn, and driven along, to this."""
 
 
 def field_boundary(
@@ -46,6 +50,43 @@ def field_boundary(
         return boundary, []
     names = ", ".join(" / ".join(fields[k].names[:3]) or "without a name" for k in chosen[:MAX_NAMES])
     return boundary, [Notice("field-chosen", file=file, fields=len(fields), chosen=len(chosen), names=names)]
+
+
+def held_against_boundary(
+    boundary: BaseGeometry | None, worked: BaseGeometry | None, xy_m: NDArray[np.float64]
+) -> list[Notice]:
+    """The notice that a drive was elsewhere than in its field.
+
+    Args:
+        boundary: of the field, in the map frame; None where the session names none.
+        worked: the ground worked, in the map frame; None where it is not known.
+        xy_m: (n, 2) places of the vehicle at even steps of time.
+    """
+    if boundary is None or boundary.is_empty or not len(xy_m):
+        return []
+    if worked is None or worked.is_empty:
+        inside = shapely.contains_xy(boundary, *xy_m[:, :2].T)
+        if inside.any():
+            return []
+        return [_apart(boundary, shapely.MultiPoint(xy_m[:, :2]))]
+    outside = worked.difference(boundary)
+    # What is narrower lies along the boundary.
+    beyond = outside.buffer(-0.5 * EDGE_M).buffer(0.5 * EDGE_M)
+    if outside.area >= worked.area:
+        return [_apart(boundary, worked)]
+    if beyond.area <= MAX_OUTSIDE_SHARE * worked.area:
+        return []
+    corners_m = shapely.get_coordinates(outside)
+    farthest_m = float(shapely.distance(boundary, shapely.points(corners_m)).max())
+    return [Notice("boundary-apart", share=outside.area / worked.area, farthest_m=farthest_m)]
+
+
+def _apart(boundary: BaseGeometry, drive: BaseGeometry) -> Notice:
+    """The notice that no part of a drive lies within its field."""
+    here, there = shapely.get_coordinates(shapely.shortest_line(drive, boundary))
+    east_m, north_m = (there - here).tolist()
+    way_m = float(np.hypot(east_m, north_m))
+    return Notice("boundary-apart.wholly", way_m=way_m, east_m=east_m, north_m=north_m)
 
 
 def ground_to_map(file: Path, frame: MapFrame) -> Area:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.record_spool import Square
@@ -29,6 +30,7 @@ from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.strip_outlines import Coverage, coverage
 from furrowmap.core.work.sweep import sweeps
+from furrowmap.core.work.tool_edges import ToolEdges
 
 FIELD_CELL_M: Final = 0.05
 MAX_REACH_M: Final = 15.0
@@ -60,6 +62,8 @@ class FieldTile:
         swaths_m: float32 by blocks of cells, height of a swath less the one before without a passage between; nan
             elsewhere.
         coverage: by the strips of a flight; None without strips.
+        across: changes across the tool's line (:meth:`~furrowmap.core.work.tool_edges.ToolEdges.changes`); None where
+            they are not asked for, or the tool did not pass.
     """
 
     grid: Grid
@@ -70,6 +74,7 @@ class FieldTile:
     number: NDArray[np.int32]
     swaths_m: NDArray[np.float32]
     coverage: Coverage | None = None
+    across: FloatArray | None = None
 
 
 class FieldPoints:
@@ -115,19 +120,23 @@ class FieldPoints:
         return len(self._spool.tiles) if self._spool is not None else 0
 
     def tiles(
-        self, passages: Passages, statistic: Statistic = MEDIAN, strips: Sequence[Interval] = ()
+        self,
+        passages: Passages,
+        statistic: Statistic = MEDIAN,
+        strips: Sequence[Interval] = (),
+        edges: ToolEdges | None = None,
     ) -> Iterator[FieldTile]:
         """The surfaces, tile by tile, computed in half of the threads: beside them the cloud is compressed.
 
         A tile of millions of points takes 17 bytes for each of them. `passages` are of the tool's line; `strips` of a
-        flight are counted.
+        flight are counted; `edges` sum up what changes across the line.
         """
         spool = self._spool
         if spool is None:
             return
 
         def made(key: Square) -> FieldTile:
-            return field_tile(spool.tile(key), passages, statistic, strips)
+            return field_tile(spool.tile(key), passages, statistic, strips, edges)
 
         with ThreadPoolExecutor(max(1, threads() // 2)) as pool:
             for number, tile in enumerate(in_turn(pool, made, spool.tiles, TILES_AHEAD), start=1):
@@ -148,7 +157,11 @@ def tool_passages(trajectory: Trajectory, work: FieldWork, implement: Implement 
 
 
 def field_tile(
-    points: TilePoints, passages: Passages, statistic: Statistic, strips: Sequence[Interval] = ()
+    points: TilePoints,
+    passages: Passages,
+    statistic: Statistic,
+    strips: Sequence[Interval] = (),
+    edges: ToolEdges | None = None,
 ) -> FieldTile:
     """The surfaces of a tile."""
     grid = points.grid
@@ -170,7 +183,8 @@ def field_tile(
     compared = both.reshape(grid.shape)
     change = np.where(compared, later.height_m - earlier.height_m, np.float32(np.nan))
     error = np.where(compared, np.hypot(later.standard_error_m, earlier.standard_error_m), np.float32(np.nan))
-    return FieldTile(grid, later, earlier, change, error, tool.number, swaths, covered)
+    across = edges.changes(points, low) if edges is not None else None
+    return FieldTile(grid, later, earlier, change, error, tool.number, swaths, covered, across)
 
 
 def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:

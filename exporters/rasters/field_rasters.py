@@ -1,22 +1,28 @@
 """Rasters of a run: surfaces and their change; of a flight ground, density and overlap of strips."""
 
 import math
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.surfaces import cloud_tiles
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.mean_change import MeanChange
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.visits import SWATH_BLOCK, SwathDifferences, SwathSums
+from furrowmap.core.values.session import Implement
 from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, SoilMoved, SoilSums, tool_passages
 from furrowmap.core.work.strip_outlines import StripGround, StripOutlines
+from furrowmap.core.work.tool_edges import ToolEdges, tool_ends
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CHANGE,
@@ -71,7 +77,7 @@ class RasterFigures:
     """Figures of the surfaces for the report.
 
     `seen_m2` has a height in `dsm.tif`; `moved` and `swaths` are None where no work is known or no ground was seen
-    twice; `strips` are of a flight.
+    twice; `strips` are of a flight; `notices` say what the surfaces contradict.
     """
 
     cell_m: float
@@ -79,6 +85,7 @@ class RasterFigures:
     moved: SoilMoved | None
     swaths: SwathDifferences | None
     strips: tuple[StripGround, ...] = ()
+    notices: tuple[Notice, ...] = ()
 
     def plain(self) -> dict[str, Any]:
         """As in `report.json`."""
@@ -106,15 +113,19 @@ def write_rasters(
         kinds |= {DENSITY: (blocks, DENSITY_BANDS), STRIP_OVERLAP: (blocks, OVERLAP_BANDS)}
     crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
     sums, swaths, outlines, seen = SoilSums(), SwathSums(), StripOutlines(), 0
+    implement = found.session.implement
+    edges = ToolEdges(found.located.trajectory, found.work, implement) if passages and implement is not None else None
+    across: list[FloatArray] = []
     with ExitStack() as stack:
         write = {
             name: stack.enter_context(cog_output(folder / name, cells, crs, bands, _raster_origin(origin, name)))
             for name, (cells, bands) in kinds.items()
         }
-        for number, tile in enumerate(land.tiles(passages, MEDIAN, found.strips), start=1):
+        for number, tile in enumerate(land.tiles(passages, MEDIAN, found.strips, edges), start=1):
             for name, put in write.items():
                 put(*_arrays(tile, name))
             sums.add_tile(tile)
+            across += [tile.across] if tile.across is not None else []
             swaths.add(tile.swaths_m, blocks.cell_area_m2)
             if tile.coverage is not None:
                 outlines.add(tile.coverage)
@@ -130,7 +141,18 @@ def write_rasters(
         write_raster_style(folder / name, STYLES[name])
     moved = sums.moved(grid.cell_area_m2) if passages else None
     grounds = tuple(outlines.grounds(found.strips))
-    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, moved, differences, grounds)
+    notices = _tool_notices(across, edges, implement)
+    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, moved, differences, grounds, notices)
+
+
+def _tool_notices(
+    across: Sequence[FloatArray], edges: ToolEdges | None, implement: Implement | None
+) -> tuple[Notice, ...]:
+    """Whether the soil changes where the session states the tool."""
+    if not across or edges is None or implement is None:
+        return ()
+    notice = tool_ends(np.sum(across, axis=0), edges.half_m).notice(implement)
+    return (notice,) if notice is not None else ()
 
 
 def _write_ground(folder: Path, land: FieldPoints, crs: CRS, origin: Origin) -> None:

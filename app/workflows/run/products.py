@@ -161,7 +161,8 @@ class RunProducts:
             measured = perf_counter()
         # Seconds of the parcels beyond those of the cloud, and of the surfaces beyond those of both.
         seconds = {"cloud": written - begin, "surfaces": perf_counter() - measured}
-        notices = list(found.notices)
+        figures = rasters.result()
+        notices = [*found.notices, *(figures.notices if figures is not None else ())]
         coloured = measured_parcels = checked = features = None
         if self.colours is not None:
             coloured, uncoloured = self.colours.figures()
@@ -187,7 +188,7 @@ class RunProducts:
             seconds["features"] = perf_counter() - begin
             notices += features.notices
         found = replace(found, notices=tuple(notices))
-        return Made(found, inputs, summary, rasters.result(), seconds, measured_parcels, coloured, features, checked)
+        return Made(found, inputs, summary, figures, seconds, measured_parcels, coloured, features, checked)
 
     def _surfaces(self, found: RunResult, origin: Origin, progress: Progress) -> RasterFigures | None:
         """Write the rasters, and the orthophoto of the surface among them."""

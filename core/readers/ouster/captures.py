@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -39,6 +39,10 @@ _FIRST_PACKETS: Final = 2000
 _HEAD_BYTES: Final = 64
 """Of a data packet, in which all is that tells sensors and clocks apart."""
 _STRAY_SHARE: Final = 0.01
+_HALF_FANS_DEG: Final = {"OS0": 45.0, "OS1": 22.5, "OS1 (first generation)": 16.6, "OS2": 11.25}
+"""Half of the vertical field of view of the maker's lines, with beams spread evenly."""
+_OTHER_LINE_DEG: Final = 2.0
+"""Elevations that differ more are another line's: those of a sensor are within half a degree of even ones."""
 _GLANCE_S: Final = 0.12
 """Duration of the packets that are read where a glance is sufficient: a turn, in two parts."""
 
@@ -153,6 +157,14 @@ class OusterReader(FileReader, ABC):
 
     def _decoder(self) -> OusterDecoder:
         return OusterDecoder(self._sensors[0].metadata, self._time)
+
+    def beam_elevations(self) -> Mapping[str, FloatArray]:
+        """Elevations (beams,) by the metadata in use, then of the maker's lines with as many, lowest first."""
+        metadata = self._sensors[0].metadata
+        stated = np.sort(metadata.elevation_deg)
+        lines = {name: np.linspace(-half, half, len(stated)) for name, half in _HALF_FANS_DEG.items()}
+        others = {name: evenly for name, evenly in lines.items() if np.abs(evenly - stated).max() > _OTHER_LINE_DEG}
+        return {metadata.product or "Ouster": stated, **others}
 
     @property
     def clock(self) -> Clock:

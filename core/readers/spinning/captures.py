@@ -1,7 +1,7 @@
 """Spinning scanners in captures of network traffic: data packets, position packets, and datagrams of others."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -213,6 +213,7 @@ class SpinningPcap(FileReader):
         self._sender = self._senders[0]
         self.clock: Clock = settle(*self._first_packets, options.near_s)[0].kind
         self.clocks: tuple[ClockReading, ...] = ()
+        self._decoder: PacketDecoder | None = None
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -227,6 +228,18 @@ class SpinningPcap(FileReader):
             raise InputError("two-sensors", paths=self.name, words="; ".join(names), example=names[0])
         return self._read(self.paths, SensorTraffic(self.maker))
 
+    def beam_elevations(self) -> Mapping[str, FloatArray]:
+        """Elevations (lasers,) of the model in use, then of others whose packets look like its, lowest first."""
+        model = self._decoder.model if self._decoder is not None else None
+        if model is None:
+            return {}
+        alike = [
+            one
+            for one in self.maker.models
+            if one.name != model.name and one.lasers == model.lasers and one.layout is model.layout
+        ]
+        return {one.name: np.sort(one.elevation_deg) for one in (model, *alike)}
+
     def inspect(self) -> Inspection:
         """Read the whole first file and report what it contains, of several sensors the one with most packets."""
         traffic = SensorTraffic(self.maker)
@@ -240,9 +253,9 @@ class SpinningPcap(FileReader):
     def _read(self, paths: Sequence[Path], traffic: SensorTraffic) -> Iterator[Scan]:
         self.notices.clear()
         clock, clock_notices = settle(*self._first_packets, self.options.near_s)
-        traffic.decoder = decoder = PacketDecoder(
-            self.maker, self.options.model, angles=self._angles, clock=clock, where=str(paths[0])
-        )
+        decoder = PacketDecoder(self.maker, self.options.model, angles=self._angles, clock=clock, where=str(paths[0]))
+        traffic.decoder = decoder
+        self._decoder = decoder
         sizes = [path.stat().st_size for path in paths]
         for i, path in enumerate(paths):
             with Source(path) as source:

@@ -1,0 +1,168 @@
+"""Positions and heights in a log that no receiver measured at their times: held, interpolated or rounded ones.
+
+A receiver's height scatters by millimetres at least from one epoch to the next, and the antenna of a vehicle that moves
+sways as well. Heights that lie on a straight line in time, while the vehicle goes some way, are a value that was kept
+or a line between two. This is seen before anything is adjusted: the antenna's sway would be missing in them, which
+otherwise looks like another lever arm. Places that repeat, to the last digit, while the vehicle goes on are held as
+well.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.implausible_positions import spans_in_words
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.trajectory.positions import sigmas_m
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
+
+HELD_POSITIONS: Final = 30
+"""Positions in a row, at a straight line, that are no chance."""
+HELD_WAY_M: Final = 3.0
+"""Way that the vehicle goes in that time: standing, a receiver may hold its position."""
+HELD_WITHIN_M: Final = 0.0006
+"""Rounding of a log to millimetres, about a line."""
+HELD_SLOPE: Final = 0.1
+"""By how much of the way the ground rises or falls unseen (one standard deviation)."""
+LEAST_HELD_SIGMA_M: Final = 0.5
+SAME_M: Final = 0.002
+"""Heights that differ by less are the same but for the geoid's slope."""
+MAX_CHANGES: Final = 0.5
+"""Share of rounded heights that differ from the one before."""
+ROUNDED_M: Final = 0.01
+"""Heights rounded to more than this are looked at."""
+ROUNDED_SIGMA: Final = 0.3
+"""Standard deviation of a rounding, in steps: 1/√12."""
+MIN_POSITIONS: Final = 30
+MIN_HELD_PLACES: Final = 3
+MIN_HELD_PLACES_S: Final = 0.4
+MIN_HELD_PLACES_M: Final = 0.5
+"""Places that repeat so often, for so long, while the vehicle goes so far, are held: a receiver at a stand may hold
+them rightly, and goes on from there."""
+MAX_HELD_SHARE: Final = 0.5
+"""Where more of them repeat, they are rounded, or written more often than they are measured."""
+M_A_DEGREE: Final = 111_200.0
+
+
+def held_against_motion(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> GnssTrack:
+    """The track, with standard deviations of heights that hold for held, interpolated and rounded ones.
+
+    Args:
+        en_m: (n, 2) easting and northing.
+        notices: get those about such heights.
+    """
+    simulated = bool((track.fix == Fix.SIMULATED).all())
+    if len(track) < MIN_POSITIONS or simulated or not np.isfinite(track.height_m).all():
+        return track
+    sigma_m = sigmas_m(track)[:, 1]
+    step_m = rounding_m(track.height_m)
+    way_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(en_m, axis=0), axis=1)))
+    if step_m > ROUNDED_M:
+        rounded_m = np.hypot(sigma_m, ROUNDED_SIGMA * step_m)
+        if ROUNDED_SIGMA * step_m > np.median(sigma_m):
+            notices.append(Notice("gnss-heights.rounded", source=_source(track), step_m=step_m))
+        return replace(track, sigma_h_m=rounded_m)
+    held = held_heights(track.height_m, way_m)
+    if not held.any():
+        return track
+    edges = np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)
+    for first, end in edges.tolist():
+        extent_m = float(np.linalg.norm(np.ptp(en_m[first:end], axis=0)))
+        least_m = max(LEAST_HELD_SIGMA_M, HELD_SLOPE * extent_m)
+        sigma_m[first:end] = np.hypot(sigma_m[first:end], least_m)
+    notices.append(
+        Notice(
+            "gnss-heights.held",
+            source=_source(track),
+            held=int(held.sum()),
+            count=len(track),
+            way_m=float(sum(way_m[end - 1] - way_m[first] for first, end in edges.tolist())),
+            first=iso_utc(float(track.t_s[edges[0, 0]])),
+            last=iso_utc(float(track.t_s[edges[-1, 1] - 1])),
+            sigma_m=float(np.median(sigma_m[held])),
+        )
+    )
+    return replace(track, sigma_h_m=sigma_m)
+
+
+def measured_heights(positions: Positions) -> NDArray[np.bool_]:
+    """Which of the heights (m,) are neither held nor rounded, so that they show the antenna's sway."""
+    if rounding_m(positions.xyz_m[:, 2]) > ROUNDED_M:
+        return np.zeros(len(positions.t_s), np.bool_)
+    steps_m = np.linalg.norm(np.diff(positions.xyz_m[:, :2], axis=0), axis=1)
+    return ~held_heights(positions.xyz_m[:, 2], np.append(0.0, np.cumsum(steps_m)))
+
+
+def without_held(track: GnssTrack, unused: dict[str, int], notices: list[Notice]) -> GnssTrack:
+    """The track without places that repeat while the vehicle moves; the first of each stays.
+
+    Args:
+        unused: gets their number.
+        notices: get one about them.
+    """
+    held = held_places(track)
+    if not held.any():
+        return track
+    unused["held"] = int(held.sum())
+    notices.append(Notice("gnss-frozen", unused=unused["held"], track=spans_in_words(track, held)))
+    return track[~held]
+
+
+def held_places(track: GnssTrack) -> NDArray[np.bool_]:
+    """Which places (n,) are those of the position before, while the vehicle goes on.
+
+    That it does is said by the next other place, and by the receiver's own speed, where it states one.
+    """
+    held = np.zeros(len(track), np.bool_)
+    held[1:] = (np.diff(track.lon_deg) == 0.0) & (np.diff(track.lat_deg) == 0.0)
+    edges = np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)
+    for first, end in edges.tolist():
+        last = min(end, len(track) - 1)
+        north_deg = track.lat_deg[last] - track.lat_deg[first]
+        east_deg = (track.lon_deg[last] - track.lon_deg[first]) * np.cos(np.radians(track.lat_deg[first]))
+        lasts_s = track.t_s[end - 1] - track.t_s[first - 1]
+        speeds = track.speed_mps[first - 1 : end]
+        known = np.isfinite(speeds).any()
+        way_m = float(np.nanmedian(speeds)) * lasts_s if known else M_A_DEGREE * np.hypot(east_deg, north_deg)
+        short = end - first < MIN_HELD_PLACES or lasts_s < MIN_HELD_PLACES_S
+        if short or way_m < MIN_HELD_PLACES_M:
+            held[first:end] = False
+    return held if held.mean() < MAX_HELD_SHARE else np.zeros(len(track), np.bool_)
+
+
+def rounding_m(height_m: FloatArray) -> float:
+    """The step to which heights (n,) are rounded, by those that follow each other; 0 where most of these differ."""
+    step_m = np.abs(np.diff(height_m))
+    changes = step_m > SAME_M
+    return float(step_m[changes].min()) if changes.any() and changes.mean() < MAX_CHANGES else 0.0
+
+
+def held_heights(height_m: FloatArray, way_m: FloatArray) -> NDArray[np.bool_]:
+    """Which heights (n,) lie on a straight line with those around them while the vehicle moves.
+
+    Args:
+        way_m: (n,) way until each of them.
+    """
+    n, many = len(height_m), HELD_POSITIONS
+    held = np.zeros(n, np.bool_)
+    if n < many:
+        return held
+    number = np.arange(many) - 0.5 * (many - 1)
+    for part in arrays.parts(n - many + 1):
+        windows = np.lib.stride_tricks.sliding_window_view(height_m[part.start : part.stop + many - 1], many)
+        level = windows - windows.mean(axis=1, keepdims=True)
+        slope = level @ number / (number @ number)
+        off_m = np.abs(level - slope[:, None] * number).max(axis=1)
+        moved_m = way_m[part.start + many - 1 : part.stop + many - 1] - way_m[part]
+        for first in (part.start + np.flatnonzero((off_m < HELD_WITHIN_M) & (moved_m > HELD_WAY_M))).tolist():
+            held[first : first + many] = True
+    return held
+
+
+def _source(track: GnssTrack) -> str:
+    return track.source or "The GNSS log"
