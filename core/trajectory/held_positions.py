@@ -23,8 +23,8 @@ from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 
 HELD_POSITIONS: Final = 30
 """Positions in a row, at a straight line, that are no chance."""
-HELD_WAY_M: Final = 3.0
-"""Way that the vehicle goes in that time: standing, a receiver may hold its position."""
+HELD_WAY_M: Final = 2.0
+"""How far the vehicle goes meanwhile: standing, a receiver may hold its position."""
 HELD_WITHIN_M: Final = 0.0006
 """Rounding of a log to millimetres, about a line."""
 HELD_SLOPE: Final = 0.1
@@ -67,7 +67,7 @@ def held_against_motion(track: GnssTrack, en_m: FloatArray, notices: list[Notice
         if ROUNDED_SIGMA * step_m > np.median(sigma_m):
             notices.append(Notice("gnss-heights.rounded", source=_source(track), step_m=step_m))
         return replace(track, sigma_h_m=rounded_m)
-    held = held_heights(track.height_m, way_m)
+    held = held_heights(track.height_m, en_m)
     if not held.any():
         return track
     edges = np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)
@@ -94,8 +94,7 @@ def measured_heights(positions: Positions) -> NDArray[np.bool_]:
     """Which of the heights (m,) are neither held nor rounded, so that they show the antenna's sway."""
     if rounding_m(positions.xyz_m[:, 2]) > ROUNDED_M:
         return np.zeros(len(positions.t_s), np.bool_)
-    steps_m = np.linalg.norm(np.diff(positions.xyz_m[:, :2], axis=0), axis=1)
-    return ~held_heights(positions.xyz_m[:, 2], np.append(0.0, np.cumsum(steps_m)))
+    return ~held_heights(positions.xyz_m[:, 2], positions.xyz_m[:, :2])
 
 
 def without_held(track: GnssTrack, unused: dict[str, int], notices: list[Notice]) -> GnssTrack:
@@ -142,11 +141,11 @@ def rounding_m(height_m: FloatArray) -> float:
     return float(step_m[changes].min()) if changes.any() and changes.mean() < MAX_CHANGES else 0.0
 
 
-def held_heights(height_m: FloatArray, way_m: FloatArray) -> NDArray[np.bool_]:
-    """Which heights (n,) lie on a straight line with those around them while the vehicle moves.
+def held_heights(height_m: FloatArray, en_m: FloatArray) -> NDArray[np.bool_]:
+    """Which heights (n,) lie on a straight line in time with those around them while the vehicle moves.
 
     Args:
-        way_m: (n,) way until each of them.
+        en_m: (n, 2) easting and northing.
     """
     n, many = len(height_m), HELD_POSITIONS
     held = np.zeros(n, np.bool_)
@@ -158,9 +157,11 @@ def held_heights(height_m: FloatArray, way_m: FloatArray) -> NDArray[np.bool_]:
         level = windows - windows.mean(axis=1, keepdims=True)
         slope = level @ number / (number @ number)
         off_m = np.abs(level - slope[:, None] * number).max(axis=1)
-        moved_m = way_m[part.start + many - 1 : part.stop + many - 1] - way_m[part]
-        for first in (part.start + np.flatnonzero((off_m < HELD_WITHIN_M) & (moved_m > HELD_WAY_M))).tolist():
+        for first in (part.start + np.flatnonzero(off_m < HELD_WITHIN_M)).tolist():
             held[first : first + many] = True
+    for first, end in np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2).tolist():
+        if np.linalg.norm(np.ptp(en_m[first:end], axis=0)) < HELD_WAY_M:
+            held[first:end] = False
     return held
 
 

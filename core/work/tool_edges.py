@@ -5,8 +5,9 @@ it was beside it. So the mean square of the change falls at both ends of the wor
 the ground as the passes before it left it, until the next one comes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,15 +67,18 @@ class ToolEnds:
 class ToolEdges:
     """Sums up changes of the ground across the tool's line over tiles; tiles may come from several threads."""
 
-    def __init__(self, trajectory: Trajectory, work: FieldWork, implement: Implement) -> None:
-        self.half_m = 0.5 * implement.width_m
-        self._passes = [
-            Passages(
-                LineTrack(number, one.t_s, one.middle_m[:, :2], one.half_m)
-                for one in sweeps(trajectory, when, implement)
-            )
-            for number, when in enumerate(work.passes, start=1)
+    def __init__(self, passes: Sequence[Passages], half_m: float) -> None:
+        self.half_m, self._passes = half_m, passes
+
+    @classmethod
+    def of_work(cls, trajectory: Trajectory, work: FieldWork, implement: Implement) -> Self:
+        """Those of all passes of a tool."""
+        runs = [sweeps(trajectory, when, implement) for when in work.passes]
+        tracks = [
+            [LineTrack(number, one.t_s, one.middle_m[:, :2], one.half_m) for one in run]
+            for number, run in enumerate(runs, start=1)
         ]
+        return cls([Passages(one) for one in tracks], 0.5 * implement.width_m)
 
     def changes(self, points: TilePoints, low: NDArray[np.bool_]) -> FloatArray:
         """(bins, 3) of a tile: number of cells, sum and sum of squares of their changes, by place across the line.

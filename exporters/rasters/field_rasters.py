@@ -114,7 +114,9 @@ def write_rasters(
     crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
     sums, swaths, outlines, seen = SoilSums(), SwathSums(), StripOutlines(), 0
     implement = found.session.implement
-    edges = ToolEdges(found.located.trajectory, found.work, implement) if passages and implement is not None else None
+    edges = None
+    if passages and implement is not None:
+        edges = ToolEdges.of_work(found.located.trajectory, found.work, implement)
     across: list[FloatArray] = []
     with ExitStack() as stack:
         write = {

@@ -119,8 +119,10 @@ def _strip(ground: StripGround) -> dict[str, Any]:
 AT_TOP: Final = frozenset(
     {
         "antenna-unknown",
+        "boundary-apart",
         "clock-offset",
         "facing-assumed",
+        "gnss-frozen",
         "gnss-heights",
         "gnss-steps",
         "imu-clock-off",
@@ -131,9 +133,10 @@ AT_TOP: Final = frozenset(
         "mounting-identity",
         "mounting-off",
         "slow-errors-assumed",
+        "tool-apart",
     }
 )
-"""Codes of what was corrected, or is assumed, and moves the whole of a cloud: reports show it at the top."""
+"""Codes of what was corrected, or is assumed, and moves the whole of a cloud or map: reports show it at the top."""
 
 FLIGHT_CAUSES: Final = {
     "contradiction.contradiction-notice": "mounting",

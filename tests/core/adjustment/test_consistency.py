@@ -15,6 +15,7 @@ from furrowmap.core.adjustment.consistency import (
     contradiction_notice,
     enlarge_sigmas,
 )
+from furrowmap.core.adjustment.laser_elevations import GroundPlane, OtherModel
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -25,6 +26,7 @@ SWAY = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01))
 SWAY_LATE = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01), clock_s=-1.0)
 SWAY_ALONE = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01), unrelated=True)
 
+HI_RES = OtherModel("Puck Hi-Res", "VLP-16", GroundPlane(11.0, -0.5, 0.9))
 BACKWARDS = GroundTilt(facing=Facing(180.0, shown=True))
 
 
@@ -47,6 +49,8 @@ BACKWARDS = GroundTilt(facing=Facing(180.0, shown=True))
         (Seen(ground=GroundTilt(178.0, upside_down=True)), Cause.UPSIDE_DOWN, ("178°", "upside down")),
         (Seen(ground=GroundTilt(60.0)), Cause.MOUNTING, ("60°", "mounting of the scanner")),
         (Seen(ground=BACKWARDS), Cause.MOUNTING, ("turned by +180°", "mounting of the scanner")),
+        (Seen(ground=GroundTilt(60.0, model=HI_RES), sway=SWAY), Cause.MODEL, ("of a VLP-16", "of a Puck Hi-Res")),
+        (Seen(slow_times=4.0, creep_mps=0.006), Cause.POSITIONS, ("heights creep by +0.36 m a minute",)),
         (Seen(sway=SWAY), Cause.LEVER_ARM, ("further up by +0.500 ± 0.020 m (95 %)",)),
         (Seen(sway=SWAY_LATE), Cause.CLOCK, ("-1.00 s apart",)),
         (Seen(sway=SWAY_ALONE), Cause.CLOCK_OR_LEVER_ARM, ("does not separate",)),

@@ -12,7 +12,7 @@ import shapely
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.session import Crs
-from furrowmap.core.work.boundary import field_boundary
+from furrowmap.core.work.boundary import field_boundary, held_against_boundary
 
 FRAME = map_frame(Crs(map="EPSG:6677"), None, None)
 FIELDS = [shapely.box(x, 96_000.0, x + 90.0, 96_050.0) for x in (16_000.0, 16_100.0, 16_200.0)]
@@ -76,3 +76,41 @@ def test_fields_without_names__say_so(tmp_path: Path) -> None:
         field_boundary(tmp_path / "farm.geojson", FRAME, "North", drive(0.9, 0.0, 0.0))
     _, (notice,) = field_boundary(tmp_path / "farm.geojson", FRAME, None, drive(0.9, 0.0, 0.0))
     assert "without a name" in notice.text
+
+
+FIELD = FIELDS[1]
+PASSES = shapely.box(16_110.0, 96_000.0, 16_180.0, 96_040.0)
+
+
+@pytest.mark.parametrize(
+    ("east_m", "north_m", "key"),
+    [
+        (0.0, 0.0, None),
+        (0.0, -0.9, None),
+        (5.0, 5.0, None),
+        (0.0, 12.0, None),
+        (0.0, 18.0, "boundary-apart"),
+        (-40.0, 0.0, "boundary-apart"),
+        (100.0, 0.0, "boundary-apart.wholly"),
+        (0.0, 500.0, "boundary-apart.wholly"),
+    ],
+)
+def test_boundary__of_another_field_is_told_by_the_ground_worked(
+    east_m: float, north_m: float, key: str | None
+) -> None:
+    """Up to a metre beside the boundary is a strip along it, and a tenth of the ground a headland."""
+    worked = shapely.transform(PASSES, lambda xy: xy + np.array([east_m, north_m]))
+    notices = held_against_boundary(FIELD, worked, drive(0.0, 1.0, 0.0))
+    assert [notice.key for notice in notices] == ([key] if key else [])
+    share = 1.0 - worked.intersection(FIELD).area / worked.area
+    if key == "boundary-apart":
+        assert f"{share:.0%} of the worked ground" in notices[0].text
+    elif key:
+        assert f"{shapely.distance(worked, FIELD):,.1f} m away" in notices[0].text
+
+
+def test_drive_without_known_work__is_in_its_field_where_it_was_there_at_all() -> None:
+    assert held_against_boundary(FIELD, None, drive(0.0, 0.02, 0.0)) == []
+    (notice,) = held_against_boundary(FIELD, None, drive(0.9, 0.0, 0.0))
+    assert notice.key == "boundary-apart.wholly"
+    assert held_against_boundary(None, None, drive(0.9, 0.0, 0.0)) == []
