@@ -56,7 +56,7 @@ def height_trend(
 
     def deviance(own_normal: FloatArray, own_right: FloatArray, own_logarithm: float) -> tuple[float, FloatArray]:
         both = normal + own_normal
-        found = np.linalg.solve(both, right + own_right)
+        found: FloatArray = np.asarray(np.linalg.solve(both, right + own_right), np.float64)
         logarithm = float(np.linalg.slogdet(both)[1])
         return float(-(right + own_right) @ found) + logarithm - own_logarithm, found
 

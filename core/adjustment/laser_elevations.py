@@ -17,16 +17,16 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 
-RANGES_M: Final = (2.0, 15.0)
+LOOKED_AT_M: Final = (2.0, 15.0)
 """Distances of the returns that are looked at: beyond the vehicle, before the field's end."""
 MOST_RETURNS: Final = 8_000
 LEAST_RETURNS: Final = 400
 TRIED_PLANES: Final = 400
-ON_PLANE_M: Final = 0.06
+ON_GROUND_PLANE_M: Final = 0.06
 REFINED: Final = 4
 """So often a plane is fitted again to the returns on it."""
-TILT_SIGMA_DEG: Final = 1.5
-HEIGHT_SIGMA_M: Final = 0.08
+STATED_TILT_SIGMA_DEG: Final = 1.5
+STATED_HEIGHT_SIGMA_M: Final = 0.08
 """A vehicle on a field, as a mounting that is stated rightly shows its ground (one standard deviation)."""
 OFF: Final = 4.0
 """Misfit, in standard deviations, from which on the ground is not where the mounting says."""
@@ -55,7 +55,7 @@ class GroundPlane:
     @property
     def misfit(self) -> float:
         """How far it is from where the mounting says, in standard deviations."""
-        return float(np.hypot(self.tilt_deg / TILT_SIGMA_DEG, self.above_m / HEIGHT_SIGMA_M))
+        return float(np.hypot(self.tilt_deg / STATED_TILT_SIGMA_DEG, self.above_m / STATED_HEIGHT_SIGMA_M))
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def other_model(
     places = np.concatenate([np.zeros((0, 3)), *(np.asarray(scan.xyz_m, np.float64) for scan in scans)])
     laser = np.concatenate([np.zeros(0, np.uint8), *(scan.laser for scan in scans)])
     distance = np.linalg.norm(places, axis=1)
-    chosen = np.flatnonzero((distance > RANGES_M[0]) & (distance < RANGES_M[1]))
+    chosen = np.flatnonzero((distance > LOOKED_AT_M[0]) & (distance < LOOKED_AT_M[1]))
     chosen = chosen[:: max(1, len(chosen) // MOST_RETURNS)]
     if len(names) < 2 or len(chosen) < LEAST_RETURNS or laser.max() >= len(elevations_deg[names[0]]):
         return None
@@ -125,14 +125,14 @@ def ground_plane(places_m: FloatArray, mounting: Mounting) -> GroundPlane | None
     # The scanner, at the origin, is above the ground: the normal points to it.
     normals, away_m = normals * -np.sign(away_m)[:, None], -np.abs(away_m)
     up = mounting.rotation[2]
-    count = (np.abs(places_m @ normals.T - away_m) < ON_PLANE_M).sum(axis=0)
+    count = (np.abs(places_m @ normals.T - away_m) < ON_GROUND_PLANE_M).sum(axis=0)
     count[normals @ up < np.cos(np.pi / 4.0)] = 0
     if not count.any():
         return None
     normal, off_m = normals[np.argmax(count)], float(away_m[np.argmax(count)])
     for _ in range(REFINED):
-        normal, off_m = _fitted(places_m[np.abs(places_m @ normal - off_m) < ON_PLANE_M], normal)
-    share = float(np.mean(np.abs(places_m @ normal - off_m) < ON_PLANE_M))
+        normal, off_m = _fitted(places_m[np.abs(places_m @ normal - off_m) < ON_GROUND_PLANE_M], normal)
+    share = float(np.mean(np.abs(places_m @ normal - off_m) < ON_GROUND_PLANE_M))
     tilt_deg = float(np.degrees(np.arccos(np.clip(normal @ up, -1.0, 1.0))))
     # Where the vertical through the scanner meets the plane.
     below_m = off_m / float(normal @ up)

@@ -72,8 +72,9 @@ class Passages:
     def _near(self, grid: Grid, beside_m: float) -> NDArray[np.bool_]:
         """Which chunks of steps may pass over a grid."""
         west, south, east, north = grid.bounds_m
-        near: NDArray[np.bool_] = (self._low <= (east + beside_m, north + beside_m)).all(axis=1)
-        near &= (self._high >= (west - beside_m, south - beside_m)).all(axis=1)
+        begins = self._low <= (east + beside_m, north + beside_m)
+        ends = self._high >= (west - beside_m, south - beside_m)
+        near: NDArray[np.bool_] = np.all(begins & ends, axis=1)
         return near
 
     def over(self, grid: Grid, beside_m: float = 0.0) -> LinePassage:

@@ -19,7 +19,7 @@ MIN_BOUNDARY_SHARE: Final = 0.01
 MAX_NAMES: Final = 10
 MAX_OUTSIDE_SHARE: Final = 0.1
 """A larger share of the worked ground outside of its field is no headland, but another field's."""
-EDGE_M: Final = 1.0
+BOUNDARY_STRIP_M: Final = 1.0
 """Boundaries are drawn, and driven along, to this."""
 
 
@@ -71,7 +71,7 @@ def held_against_boundary(
         return [_apart(boundary, shapely.MultiPoint(xy_m[:, :2]))]
     outside = worked.difference(boundary)
     # What is narrower lies along the boundary.
-    beyond = outside.buffer(-0.5 * EDGE_M).buffer(0.5 * EDGE_M)
+    beyond = outside.buffer(-0.5 * BOUNDARY_STRIP_M).buffer(0.5 * BOUNDARY_STRIP_M)
     if outside.area >= worked.area:
         return [_apart(boundary, worked)]
     if beyond.area <= MAX_OUTSIDE_SHARE * worked.area:

@@ -22,9 +22,9 @@ from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.sweep import sweeps
 
-BESIDE_M: Final = 0.8
+SEARCHED_BESIDE_M: Final = 0.8
 """Width beside the stated line in which its ends are looked for."""
-BIN_M: Final = 0.05
+ACROSS_BIN_M: Final = 0.05
 SETTLE_S: Final = 0.2
 """Time around a passage in which soil is still moving."""
 MIN_CELL_RETURNS: Final = 2
@@ -39,9 +39,9 @@ CORRELATED_CELLS: Final = 10.0
 """Cells of a clod, or of a return's error, count as one."""
 MIN_CONTRAST: Final = 3.0
 """Mean square of the change where the tool worked, over that beside it."""
-MIN_INSIDE_SHARE: Final = 0.4
+MIN_CHANGED_SHARE: Final = 0.4
 """Of the same, over every 0.3 m where the tool worked: wheels alone leave the ground between them as it was."""
-MIN_GAIN: Final = 15.0
+MIN_END_GAIN: Final = 15.0
 """By how much −2 log likelihood falls at an end of the width."""
 MIN_OFF_M: Final = 0.13
 """Soil is thrown, and left lying, by as much beside a tool."""
@@ -86,10 +86,14 @@ class ToolEdges:
         Args:
             low: (n,) which points are not high above the soil.
         """
-        bins = 2 * round((self.half_m + BESIDE_M) / BIN_M)
+        bins = 2 * round((self.half_m + SEARCHED_BESIDE_M) / ACROSS_BIN_M)
         sums = np.zeros((bins, 3))
         grid = points.grid
-        wide = [passages.over(grid, BESIDE_M) for passages in self._passes if passages.reach(grid, BESIDE_M)]
+        wide = [
+            passages.over(grid, SEARCHED_BESIDE_M)
+            for passages in self._passes
+            if passages.reach(grid, SEARCHED_BESIDE_M)
+        ]
         wide = [passage for passage in wide if passage.passed.any()]
         wide.sort(key=lambda passage: float(passage.first_s.min()))
         never_s = np.full(grid.shape, np.inf)
@@ -104,7 +108,7 @@ class ToolEdges:
             _before_and_after(points.cell, points.t_s, points.height_m, low, *limits, np.float32(SETTLE_S), heights)
             seen = passage.passed.ravel() & (heights[:, 0] >= MIN_CELL_RETURNS) & (heights[:, 2] >= MIN_CELL_RETURNS)
             change_m = heights[seen, 3] / heights[seen, 2] - heights[seen, 1] / heights[seen, 0]
-            at = np.floor(passage.across_m.ravel()[seen] / BIN_M).astype(np.intp) + bins // 2
+            at = np.floor(passage.across_m.ravel()[seen] / ACROSS_BIN_M).astype(np.intp) + bins // 2
             used = (np.abs(change_m) < MAX_CHANGE_M) & (at >= 0) & (at < bins)
             for column, values in enumerate((np.ones(len(change_m)), change_m, change_m**2)):
                 sums[:, column] += np.bincount(at[used], values[used], minlength=bins)
@@ -128,24 +132,24 @@ def _end_m(outward: FloatArray, half_m: float) -> float:
         return float("nan")
     known = int(np.argmax(np.append(count < MIN_BIN_CELLS, True)))
     number, mean_square = count[:known] / CORRELATED_CELLS, squares[:known] / count[:known]
-    best, best_gain = 0, MIN_GAIN
+    best, best_gain = 0, MIN_END_GAIN
     for end in range(INSIDE_BINS, known - BESIDE_BINS + 1):
         inside, beside = slice(end - INSIDE_BINS, end), slice(end, end + BESIDE_BINS)
         worked = _mean(mean_square[:end], number[:end])
         smooth = np.convolve(mean_square[:end], np.full(EVEN_BINS, 1.0 / EVEN_BINS), "valid")
-        if smooth.min() < MIN_INSIDE_SHARE * worked:
+        if smooth.min() < MIN_CHANGED_SHARE * worked:
             break
         if _mean(mean_square[inside], number[inside]) < MIN_CONTRAST * _mean(mean_square[beside], number[beside]):
             continue
         gain = _gain(mean_square, number, inside, beside)
         if gain > best_gain:
             best, best_gain = end, gain
-    stated = round(half_m / BIN_M)
+    stated = round(half_m / ACROSS_BIN_M)
     if not best:
         return float("nan")
-    if best * BIN_M - half_m > MIN_OFF_M and not _like_inside(total[:known] / count[:known], stated, best):
+    if best * ACROSS_BIN_M - half_m > MIN_OFF_M and not _like_inside(total[:known] / count[:known], stated, best):
         return float("nan")
-    return best * BIN_M
+    return best * ACROSS_BIN_M
 
 
 def _mean(values: FloatArray, weight: FloatArray) -> float:

@@ -10,7 +10,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.passage import LineTrack, Passages
 from furrowmap.core.surfaces.spool import SPOOL_TILE, TilePoints
 from furrowmap.core.values.session import Implement
-from furrowmap.core.work.tool_edges import BESIDE_M, BIN_M, ToolEdges, ToolEnds, tool_ends
+from furrowmap.core.work.tool_edges import SEARCHED_BESIDE_M, ACROSS_BIN_M, ToolEdges, ToolEnds, tool_ends
 
 FloatArray = NDArray[np.float64]
 GRID = Grid(0.05, 0, SPOOL_TILE, (SPOOL_TILE, SPOOL_TILE))
@@ -55,8 +55,8 @@ def test_tool__beside_where_it_is_stated_ends_where_the_soil_does(aside_m: float
     found = ends(tilled(), aside_m)
     # The left end is the more to the right, the more to the left the tool is stated.
     for end_m, true_m in ((found.left_m, HALF_M - aside_m), (found.right_m, HALF_M + aside_m)):
-        if true_m < HALF_M + BESIDE_M - 0.25:
-            assert end_m == pytest.approx(true_m, abs=1.1 * BIN_M)
+        if true_m < HALF_M + SEARCHED_BESIDE_M - 0.25:
+            assert end_m == pytest.approx(true_m, abs=1.1 * ACROSS_BIN_M)
     notice = found.notice(Implement(name="", kind="rotary tiller", xy_m=(-1.6, aside_m), width_m=2.0 * HALF_M))
     assert (notice is not None) == (abs(aside_m) > 0.2)
     if notice is not None:
@@ -66,8 +66,8 @@ def test_tool__beside_where_it_is_stated_ends_where_the_soil_does(aside_m: float
 @pytest.mark.parametrize(("half_m", "told"), [(0.85, False), (0.9, False), (1.275, True), (0.68, True), (0.45, True)])
 def test_width__that_is_stated_too_large_or_small_is_told(half_m: float, *, told: bool) -> None:
     found = ends(tilled(), half_m=half_m)
-    assert found.left_m == pytest.approx(HALF_M, abs=1.1 * BIN_M)
-    assert found.right_m == pytest.approx(HALF_M, abs=1.1 * BIN_M)
+    assert found.left_m == pytest.approx(HALF_M, abs=1.1 * ACROSS_BIN_M)
+    assert found.right_m == pytest.approx(HALF_M, abs=1.1 * ACROSS_BIN_M)
     tool = Implement(name="", kind="rotary tiller", xy_m=(-1.6, 0.0), width_m=2.0 * half_m)
     assert (found.notice(tool) is not None) is told
 
