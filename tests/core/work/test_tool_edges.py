@@ -10,7 +10,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.passage import LineTrack, Passages
 from furrowmap.core.surfaces.spool import SPOOL_TILE, TilePoints
 from furrowmap.core.values.session import Implement
-from furrowmap.core.work.tool_edges import SEARCHED_BESIDE_M, ACROSS_BIN_M, ToolEdges, ToolEnds, tool_ends
+from furrowmap.core.work.tool_edges import ACROSS_BIN_M, SEARCHED_BESIDE_M, ToolEdges, ToolEnds, tool_ends
 
 FloatArray = NDArray[np.float64]
 GRID = Grid(0.05, 0, SPOOL_TILE, (SPOOL_TILE, SPOOL_TILE))
