@@ -28,6 +28,9 @@ from furrowmap.core.runtime.errors import UsageError
 @option("--nmea-port", "N", "TCP port at which GGA, VTG and HDT are sent [default: 10110; 0: none].")
 @option("--mqtt", "URL", "Broker that messages are sent to: mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], or mqtts://.")
 @option("--map", "FILE", "Background of the page: raster tiles in a PMTiles or MBTiles file.", "background")
+@option(
+    "--host", "NAME", "Further name under which this computer is asked for the page. May be repeated.", multiple=True
+)
 @flag("--local", "Serve on this computer only, not in the local network.")
 def live(
     console: Console,
@@ -38,12 +41,13 @@ def live(
     nmea_port: int | None,
     mqtt: str | None,
     background: Path | None,
+    host: tuple[str, ...],
     *,
     local: bool,
 ) -> None:
     """Show on a page where the vehicle is, what the tool does and which ground is worked, while FOLDER is recorded.
 
-    FOLDER is what furrowmap record writes; nothing in it is changed. With --json each scan is a line of JSON.
+    FOLDER is what furrowmap record writes; only live.jsonl is written into it. With --json each scan is a line of JSON.
     """
     if folder is not None and played is not None:
         raise UsageError("usage.live-source")
@@ -61,6 +65,7 @@ def live(
         nmea_port=10110 if nmea_port is None else nmea_port or None,
         mqtt=mqtt,
         background=background,
+        names=host,
         on_scan=_put_line if console.as_json else None,
     )
     console.answer(asdict(summary), table(figures(asdict(summary))))

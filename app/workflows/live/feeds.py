@@ -2,14 +2,17 @@
 
 import json
 import math
+import os
+import stat
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from queue import Empty, Queue
-from threading import Event, Thread
+from queue import Empty, Full, Queue
+from threading import Event
 from typing import Any, Final
 
 import numpy as np
@@ -19,10 +22,12 @@ from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format, data
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import InputError, UsageError
+from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Recording
+from furrowmap.workflows.record.series import numbered_files
 
 POLL_S: Final = 0.01
 STATUS_EVERY_S: Final = 0.5
@@ -33,6 +38,7 @@ FEED_STEP_S: Final = 0.01
 GNSS_DELAY_S: Final = 0.05
 """A receiver sends an epoch so long after it."""
 QUEUED_INPUTS: Final = 256
+MAX_STATUS_BYTES: Final = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,45 @@ class Growing(Source):
                 time.sleep(POLL_S)
         return bytes(data)
 
+    def read_past(self, count: int) -> None:
+        """Leave out so many bytes, which were read before."""
+        while count > 0 and (data := self.read(min(count, 1 << 16))):
+            count -= len(data)
+
+
+@dataclass
+class Followed:
+    """How far the files of a series were read.
+
+    Attributes:
+        number: of the file that is read; 0 before any.
+        is_first: whether it is the one that was written when following began.
+        is_read: whether it was read to its end.
+        given_bytes: of this file, a log, that were handed on.
+        given_s: of this file, a capture, the time of the last packets that were handed on.
+    """
+
+    stem: str
+    suffix: str
+    number: int = 0
+    is_first: bool = True
+    is_read: bool = False
+    given_bytes: int = 0
+    given_s: float = -math.inf
+
+    @classmethod
+    def of(cls, file: str) -> "Followed":
+        """The series of a file."""
+        return cls(file.rpartition("-")[0], Path(file).suffix)
+
+    def begin(self, number: int, *, is_first: bool) -> None:
+        """Read this file from now on."""
+        self.given_bytes = 0
+        self.given_s = -math.inf
+        self.is_read = False
+        self.is_first = is_first
+        self.number = number
+
 
 class FolderFeed:
     """Follows the folder that `furrowmap record` writes; nothing in it is touched.
@@ -77,25 +122,24 @@ class FolderFeed:
 
     Attributes:
         status: what the recorder says of itself; empty where it says nothing.
+        threads: that follow scanner and receiver.
     """
 
     def __init__(self, folder: Path, recording: Recording, scans: ScanStream, stop: Event) -> None:
         self._folder, self._scans, self._stop, self._over = folder, scans, stop, Event()
-        self._series = [
-            (files[0].rpartition("-")[0], Path(files[0]).suffix) for files in (recording.lidar, recording.gnss)
-        ]
         self._queue: Queue[tuple[Datagrams | bytes, float]] = Queue(QUEUED_INPUTS)
+        self.threads = [
+            SupervisedThread(what, partial(self._follow, Followed.of(files[0])), lambda _: None)
+            for what, files in (("scanner", recording.lidar), ("GNSS", recording.gnss))
+        ]
         self._looked_s = -math.inf
         self.status: dict[str, Any] = {}
 
     def pieces(self) -> Iterator[Input]:
         """What comes in from now on, until the recorder has ended or the feed is stopped."""
         self._look()
-        threads = [Thread(target=self._follow, args=series, daemon=True) for series in self._series]
-        for thread in threads:
-            thread.start()
         scans_s = time.monotonic()  # when the last scans came, or their lack was said
-        while any(thread.is_alive() for thread in threads) or not self._queue.empty():
+        while not self._over.is_set() or any(each.is_working for each in self.threads) or not self._queue.empty():
             self._look()
             if self._queue.empty() and time.monotonic() - scans_s > SCANLESS_S:
                 scans_s = time.monotonic()
@@ -113,46 +157,86 @@ class FolderFeed:
             yield Input(come, due_s)
 
     def _look(self) -> None:
-        """Read the recorder's status now and then."""
+        """Read the recorder's status now and then, and see to it that all is followed."""
+        for thread in self.threads:
+            thread.ensure()
         if time.monotonic() - self._looked_s > STATUS_EVERY_S:
             self._looked_s = time.monotonic()
             self.status = recorder_status(self._folder)
         if self._stop.is_set() or self.status.get("state") == "ended":
             self._over.set()
 
-    def _follow(self, stem: str, suffix: str) -> None:
-        """Read the files of a series, the one that is written now from its end on, each later one from its start."""
-        number = 0
+    def _follow(self, series: Followed) -> None:
+        """Read the files of a series, the one that is written now from its end on, each later one from its start.
+
+        It goes on behind what was given where it is begun again.
+        """
         while not self._over.is_set():
-            files = sorted(self._folder.glob(f"{stem}-[0-9]*{suffix}"))
-            if len(files) <= number:
+            files = numbered_files(self._folder, series.stem, series.suffix)
+            if not series.number and files:
+                series.begin(max(files), is_first=True)
+            elif series.is_read and (later := [number for number in files if number > series.number]):
+                series.begin(later[0], is_first=False)
+            if series.is_read or series.number not in files:
                 time.sleep(0.1)
                 continue
-            first = not number
-            path, number = (files[-1], len(files)) if first else (files[number], number + 1)
-            next_s = time.monotonic()
+            try:
+                self._read(files[series.number], series)
+            except InputError:  # the file is damaged: the next one is read, as soon as there is one
+                if max(files) <= series.number:
+                    raise
+            series.is_read = True
 
-            def has_ended(number: int = number) -> bool:
-                nonlocal next_s
-                if self._over.is_set() or time.monotonic() < next_s:
-                    return self._over.is_set()
-                next_s = time.monotonic() + 10.0 * POLL_S
-                return len(list(self._folder.glob(f"{stem}-[0-9]*{suffix}"))) > number
+    def _read(self, path: Path, series: Followed) -> None:
+        """Read a file until a later one was begun, or the recorder has ended."""
+        next_s = time.monotonic()
 
-            with Growing(path, has_ended) as source:
-                for data in Capture(source) if suffix == ".pcap" else _chunks(source):
-                    due_s = time.time() if isinstance(data, bytes) else float(data.time_s[-1])
-                    # What was recorded before is not shown as now; the last seconds show what the clocks count from.
-                    if not first or isinstance(data, bytes) or time.time() - due_s < 5.0:
-                        self._queue.put((data, due_s))
+        def has_ended() -> bool:
+            nonlocal next_s
+            if self._over.is_set() or time.monotonic() < next_s:
+                return self._over.is_set()
+            next_s = time.monotonic() + 10.0 * POLL_S
+            return max(numbered_files(self._folder, series.stem, series.suffix), default=0) > series.number
+
+        with Growing(path, has_ended) as source:
+            if series.suffix != ".pcap":
+                source.read_past(series.given_bytes)
+                for piece in _chunks(source):
+                    self._put(piece, time.time())
+                    series.given_bytes += len(piece)
+                return
+            for data in Capture(source):
+                due_s = float(data.time_s[-1])
+                # What was recorded before is not shown as now; the last seconds show what the clocks count from.
+                if due_s > series.given_s and (not series.is_first or time.time() - due_s < 5.0):
+                    self._put(data, due_s)
+                    series.given_s = due_s
+
+    def _put(self, data: Datagrams | bytes, due_s: float) -> None:
+        """Hand on some of the input, unless the feed is stopped first."""
+        while not self._stop.is_set():
+            with suppress(Full):
+                self._queue.put((data, due_s), timeout=0.2)
+                return
 
 
 def recorder_status(folder: Path) -> dict[str, Any]:
-    """What the recorder says of itself; empty where it says nothing."""
-    with suppress(OSError, ValueError):
-        status: dict[str, Any] = json.loads((folder / "status.json").read_text("utf-8"))
-        return status
+    """What the recorder says of itself; empty where it says nothing, or something else than a recorder says."""
+    with suppress(OSError, ValueError, RecursionError):
+        descriptor = os.open(folder / "status.json", os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        with os.fdopen(descriptor, "rb") as file:
+            if stat.S_ISREG(os.fstat(descriptor).st_mode):
+                status = json.loads(file.read(MAX_STATUS_BYTES).decode("utf-8"))
+                if isinstance(status, dict):
+                    return status | {"warnings": _warnings(status.get("warnings"))}
     return {}
+
+
+def _warnings(given: object) -> list[dict[str, str]]:
+    """Warnings with their codes and texts, of whatever a status has at their place."""
+    found = [each for each in given if isinstance(each, dict)] if isinstance(given, list) else []
+    texts = [(each.get("code"), each.get("text")) for each in found]
+    return [{"code": code, "text": text} for code, text in texts if isinstance(code, str) and isinstance(text, str)]
 
 
 def _chunks(source: Source) -> Iterator[bytes]:
@@ -171,6 +255,7 @@ class PlayedFeed:
 
     Attributes:
         status: nothing, because no recorder is at work.
+        threads: none.
 
     Raises:
         InputError: if the recording cannot be read.
@@ -186,6 +271,7 @@ class PlayedFeed:
         assert isinstance(reader, GivesTrack)
         self._track = reader.track()
         self.status: dict[str, Any] = {}
+        self.threads: list[SupervisedThread] = []
 
     def pieces(self) -> Iterator[Input]:
         """Scans by the times of their capture, each with the positions that came before."""

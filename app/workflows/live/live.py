@@ -4,8 +4,8 @@ import json
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
@@ -17,14 +17,17 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.live import LiveScan, LiveSession, warm_up
 from furrowmap.core.pipeline.live_difference import LIVE_LOG, LOGGED
 from furrowmap.core.readers.arrived_scans import ScanStream
-from furrowmap.core.runtime.errors import FurrowmapError, InputError, UsageError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, UsageError
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
+from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.session.proposal import FILL_IN
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.worked_cells import MISSED, OVERLAP, WORKED, Tile
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.plain_files import append_to
 from furrowmap.workflows.live.background import BackgroundMap, open_background
 from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed, recorder_status
 from furrowmap.workflows.live.mqtt import MqttOutlet
@@ -39,6 +42,7 @@ FIGURES_EVERY_S: Final = 1.0
 RATE_OVER_S: Final = 120.0
 OPEN_EVERY_S: Final = 1.0
 PLACED_WITHIN_M: Final = 1000.0
+ENDED_SHOWN_S: Final = 10.0
 EARLY_S: Final = 1.6
 """A scan of before the scanner's clock was known is looked at if it came no longer ago."""
 
@@ -80,6 +84,7 @@ def live(
     language: str | None = None,
     on_scan: Callable[[dict[str, Any]], None] | None = None,
     stop: Event | None = None,
+    names: Sequence[str] = (),
 ) -> LiveSummary:
     """Watch a session while it is recorded, until the recorder ends, `stop` is set, or a KeyboardInterrupt.
 
@@ -92,6 +97,8 @@ def live(
         mqtt: broker that messages are sent to: mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], or mqtts://.
         background: PMTiles or MBTiles file of raster tiles that are drawn below the ground worked.
         language: "en" or "ja", in which the page begins; by default that of its reader.
+        names: under which this computer is asked for the page, besides its own name and its addresses: requests for
+            other names come from foreign pages, and are refused.
         on_scan: gets what is known with each scan, as values of JSON; before the first one what is waited for.
 
     Raises:
@@ -111,15 +118,19 @@ def live(
         on_scan,
     )
     watch: LiveWatch | None = None
+    threads = [outlets.mqtt.thread] if outlets.mqtt is not None else list[SupervisedThread]()
     with suppress(KeyboardInterrupt), ExitStack() as closing:
         if outlets.mqtt is not None:
             closing.callback(outlets.mqtt.close)
         try:
             if port is not None:
-                served = serve_page(host, port, outlets.page, language or "", outlets.background)
+                served = serve_page(host, port, outlets.page, language or "", outlets.background, names)
                 closing.callback(served.shutdown)
+                threads.append(served.thread)
             if nmea_port is not None:
-                closing.callback(serve_lines(host, nmea_port, outlets.lines).shutdown)
+                lines = serve_lines(host, nmea_port, outlets.lines)
+                closing.callback(lines.shutdown)
+                threads.append(lines.thread)
         except OSError as error:
             raise UsageError("usage.live-port", port=port, nmea_port=nmea_port, error=error.strerror) from None
         warm_up()  # while the recorder waits for its sensors
@@ -137,8 +148,11 @@ def live(
             if play
             else (FolderFeed(Path(recording), opened.session.recording, scans, stop))
         )
-        watch = LiveWatch(session, opened.frame, scans, outlets, None if play else Path(recording))
+        threads += feed.threads
+        watch = LiveWatch(session, opened.frame, scans, outlets, threads, None if play else Path(recording))
         for piece in feed.pieces():
+            for thread in threads:
+                thread.ensure()
             if isinstance(piece.data, bytes):
                 session.add_gnss(piece.data)
             elif isinstance(piece.data, GnssTrack):
@@ -189,11 +203,60 @@ class Outlets:
             self.on_scan({"waiting": error.what})
 
 
+class LiveLog:
+    """What was shown, by which a run says how much it differed: a new file, which follows no links.
+
+    Attributes:
+        fault: why it was not written the last time; None if it was.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.fault: Notice | None = None
+        self._path = path
+
+    def begin(self, line: dict[str, Any]) -> None:
+        """Begin it anew, with a line."""
+        with self._noted(), atomic_output(self._path, durable=False) as unfinished:
+            unfinished.write_text(json_line(line), encoding="utf-8")
+
+    def append(self, line: dict[str, Any]) -> None:
+        """Append a line."""
+        with self._noted(), append_to(self._path) as file:
+            file.write(json_line(line).encode("utf-8"))
+
+    @contextmanager
+    def _noted(self) -> Iterator[None]:
+        """On a full disk, or where something else has its name, lines are left out."""
+        try:
+            yield
+            self.fault = None
+        except (OSError, FurrowmapError) as error:
+            self.fault = Notice("live-log", name=self._path.name, fault=str(error).partition("\n")[0])
+
+
+def json_line(value: dict[str, Any]) -> str:
+    """A line of JSON."""
+    return json.dumps(value, separators=(",", ":")) + "\n"
+
+
+def thread_fault(thread: SupervisedThread) -> Notice | None:
+    """That a thread was ended by an exception in the last seconds; None if it was not."""
+    if not thread.ends or time.monotonic() - thread.ended_s > ENDED_SHOWN_S:
+        return None
+    return Notice("live-thread", part=thread.name, cause=thread.cause, ends=thread.ends)
+
+
 class LiveWatch:
     """Takes scans, looks at those that are new, and tells the readers."""
 
     def __init__(
-        self, session: LiveSession, frame: MapFrame, stream: ScanStream, outlets: Outlets, folder: Path | None = None
+        self,
+        session: LiveSession,
+        frame: MapFrame,
+        stream: ScanStream,
+        outlets: Outlets,
+        threads: Sequence[SupervisedThread],
+        folder: Path | None = None,
     ) -> None:
         self._session, self._frame, self._stream, self._to = session, frame, stream, outlets
         self._scans = self._posed = self._early = self._dropped = 0
@@ -203,14 +266,10 @@ class LiveWatch:
         self._told_s = {"pose": -math.inf, "cells": -math.inf, "figures": -math.inf}
         self._areas: deque[tuple[float, float]] = deque()
         self._placed_m: tuple[float, float] | None = None
-        self._log = folder / LIVE_LOG if folder is not None else None
-        self._write({"crs": frame.name}, "w")
-
-    def _write(self, line: dict[str, Any], mode: str = "a") -> None:
-        """Keep what was shown, by which a run says how much it differed; on a full disk it is left out."""
+        self._threads = threads
+        self._log = LiveLog(folder / LIVE_LOG) if folder is not None else None
         if self._log is not None:
-            with suppress(OSError), self._log.open(mode, encoding="utf-8") as file:
-                file.write(json.dumps(line, separators=(",", ":")) + "\n")
+            self._log.begin({"crs": frame.name})
 
     def take(self, scans: list[Scan], due_s: float, status: dict[str, Any]) -> None:
         """Look at scans, the last of which is complete since `due_s`, unless newer ones wait."""
@@ -258,8 +317,8 @@ class LiveWatch:
         if self._is_due("figures", FIGURES_EVERY_S, now_s):
             figures = self._figures(seen, status)
             self._to.say("figures", figures)
-            if pose is not None:
-                self._write({name: (figures | as_json(seen))[name] for name in LOGGED})
+            if pose is not None and self._log is not None:
+                self._log.append({name: (figures | as_json(seen))[name] for name in LOGGED})
 
     def _place(self, e_m: float, n_m: float) -> None:
         """Tell where the map is, at first and where the background is not linear any more."""
@@ -282,8 +341,9 @@ class LiveWatch:
         self._areas.append((seen.t_s, said.worked_m2))
         while self._areas[0][0] < seen.t_s - RATE_OVER_S:
             self._areas.popleft()
-        fault = self._to.mqtt.fault if self._to.mqtt is not None else None
-        warnings = [] if fault is None else [{"code": fault.code, "text": fault.text}]
+        faults = [self._to.mqtt.fault if self._to.mqtt is not None else None]
+        faults += [self._log.fault if self._log is not None else None, *map(thread_fault, self._threads)]
+        warnings = [{"code": fault.code, "text": fault.text} for fault in faults if fault is not None]
         warnings += status.get("warnings", ())
         first_s, first_m2 = self._areas[0]
         over_s = seen.t_s - first_s

@@ -1,13 +1,18 @@
 """What a live session shows, as messages of MQTT for other software."""
 
 import json
+from functools import partial
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
 from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
+from furrowmap.core.runtime.supervised import SupervisedThread
 
 PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
-MAX_RECONNECT_S: Final = 10
+MAX_RECONNECT_S: Final = 10.0
+CONNECT_S: Final = 5.0
+KEEP_ALIVE_S: Final = 15
+LOOP_S: Final = 0.05
 
 
 class MqttOutlet:
@@ -40,36 +45,77 @@ class MqttOutlet:
             raise RefusedError("extra-missing.cab", package="paho-mqtt") from None
         self._topic = unquote(parts.path).strip("/") or "furrowmap"
         self._broker = f"{parts.hostname}:{port}"
+        self._at = (parts.hostname, port)
+        self._is_secure = parts.scheme == "mqtts"
+        self._user = (unquote(parts.username), unquote(parts.password or "") or None) if parts.username else None
+        self._is_connected = False
+        self._waiting: dict[str, str] = {}
         self.fault: Notice | None = Notice("live-mqtt", broker=self._broker, reason="no connection yet")
-        self._client = client = Client(CallbackAPIVersion.VERSION2)
-        if parts.scheme == "mqtts":
-            client.tls_set()
-        if parts.username:
-            client.username_pw_set(unquote(parts.username), unquote(parts.password or "") or None)
-        client.will_set(f"{self._topic}/state", "offline", retain=True)
-        client.on_connect = self._connected
-        client.on_disconnect = self._gone
-        client.reconnect_delay_set(1, MAX_RECONNECT_S)
-        client.connect_async(parts.hostname, port, keepalive=15)
-        client.loop_start()
+        self._new_client = partial(Client, CallbackAPIVersion.VERSION2)
+        self.thread = SupervisedThread("MQTT", self._connect_often, self._ended)
+        self.thread.ensure()
 
     def publish(self, name: str, content: Any) -> None:
-        """Send a message, unless there is no connection or an earlier one still waits."""
-        if self._client.is_connected() and not self._client.want_write():
-            self._client.publish(f"{self._topic}/{name}", json.dumps(content, separators=(",", ":"), allow_nan=False))
+        """Send a message, unless there is no connection; one that still waits is replaced."""
+        if self._is_connected:
+            self._waiting[name] = json.dumps(content, separators=(",", ":"), allow_nan=False)
 
     def close(self) -> None:
         """Say that the session has ended, and disconnect."""
-        self._client.publish(f"{self._topic}/state", "offline", retain=True)
-        self._client.disconnect()
-        self._client.loop_stop()
+        self.thread.stop(2.0 * CONNECT_S)
+
+    def _connect_often(self) -> None:
+        pause_s = 1.0
+        while not self.thread.stopping.is_set():
+            try:
+                self._serve()
+                pause_s = 1.0
+            except (OSError, ValueError) as error:  # ValueError: of names and of what a broker answers
+                self._is_connected = False
+                self._lost(getattr(error, "strerror", None) or str(error) or type(error).__name__)
+                pause_s = min(2.0 * pause_s, MAX_RECONNECT_S)
+            self.thread.stopping.wait(pause_s)
+
+    def _serve(self) -> None:
+        """Connect, and send what is published until the connection ends. Raises OSError and ValueError."""
+        client = self._new_client()
+        if self._is_secure:
+            client.tls_set()
+        if self._user is not None:
+            client.username_pw_set(*self._user)
+        client.will_set(f"{self._topic}/state", "offline", retain=True)
+        client.on_connect = self._connected
+        client.connect_timeout = CONNECT_S
+        self._is_connected = False
+        try:
+            client.connect(*self._at, keepalive=KEEP_ALIVE_S)
+            while not self.thread.stopping.is_set() and client.loop(LOOP_S) == 0:
+                for name in list(self._waiting):
+                    text = self._waiting.pop(name)
+                    if self._is_connected and not client.want_write():
+                        client.publish(f"{self._topic}/{name}", text)
+        finally:
+            if self.thread.stopping.is_set():
+                client.publish(f"{self._topic}/state", "offline", retain=True)
+            client.disconnect()
+            self._is_connected = False
+        self._lost("the connection was lost")
 
     def _connected(self, client: Any, _data: object, _flags: object, reason: Any, _properties: object) -> None:
         if reason.is_failure:
             self.fault = Notice("live-mqtt", broker=self._broker, reason=str(reason))
             return
         self.fault = None
+        self._is_connected = True
         client.publish(f"{self._topic}/state", "online", retain=True)
 
-    def _gone(self, *_: object) -> None:
-        self.fault = self.fault or Notice("live-mqtt", broker=self._broker, reason="the connection was lost")
+    def _lost(self, reason: str) -> None:
+        """The connection has ended; a reason that the broker gave is kept."""
+        is_refused = self.fault is not None and "no connection yet" not in self.fault.text
+        if not is_refused and not self.thread.stopping.is_set():
+            self.fault = Notice("live-mqtt", broker=self._broker, reason=reason)
+
+    def _ended(self, thread: SupervisedThread) -> None:
+        """Whatever a broker sent that ended the thread: it connects again."""
+        self._is_connected = False
+        self.fault = Notice("live-mqtt", broker=self._broker, reason=thread.cause)

@@ -1,77 +1,106 @@
 """The page of a live session and its stream, for readers on the local network that only look."""
 
 import base64
+import io
 import json
 import re
+import socket
 import sys
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from importlib.resources import files
 from queue import Empty, Full, Queue
-from socketserver import BaseRequestHandler, ThreadingTCPServer
-from threading import Lock, Thread
+from socketserver import BaseRequestHandler, TCPServer, ThreadingMixIn
+from threading import Lock
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.work.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, WorkedCells
 from furrowmap.exporters.reports.pages import render
 from furrowmap.workflows.live.background import BackgroundMap, kind_of
+from furrowmap.workflows.live.hosts import OwnHosts
+from furrowmap.workflows.live.places import Place, Places
 
 QUEUED_MESSAGES: Final = 64
 """Messages that wait for a reader; one that falls further behind begins anew with a whole picture."""
 MAX_READERS: Final = 50
+MAX_READERS_OF_ADDRESS: Final = 16
+MAX_CONNECTIONS: Final = 400
+MAX_OF_ADDRESS: Final = 64
+"""A browser opens six at a time."""
+REQUEST_S: Final = 15.0
+"""Until a request is whole, from the one before on."""
+MAX_REQUEST_BYTES: Final = 1 << 14
+ANSWER_S: Final = 30.0
+WRITE_S: Final = 10.0
+"""A reader that takes nothing for so long is left."""
+SEND_BUFFER_BYTES: Final = 1 << 16
+WRONG_HOST: Final = b"This page is not known by that name. Open it by the address of the computer, or state --host.\n"
 KEEP_ALIVE_S: Final = 2.0
 """A reader that hears nothing for some of these connects again: a link may be cut without an end of the connection."""
 TILE: Final = re.compile(r"/tiles/(\d{1,2})/(\d{1,8})/(\d{1,8})")
+
+
+@dataclass(frozen=True, eq=False)
+class Reader:
+    """A reader of a hub: its place, and the messages that wait for it."""
+
+    place: Place
+    queue: Queue[bytes] = field(default_factory=lambda: Queue(QUEUED_MESSAGES))
 
 
 class Hub:
     """Hands each message, and `first` if there is one, to all readers, each of which has its own bounded queue."""
 
     def __init__(self, first: Callable[[], bytes] | None = None) -> None:
-        self._first, self._lock = first, Lock()
-        self._readers: dict[int, Queue[bytes]] = {}
-        self._count = 0
+        self.places = Places(MAX_READERS, MAX_READERS_OF_ADDRESS)
+        self._first = first
+        self._lock = Lock()
+        self._readers: dict[Reader, None] = {}
 
     @property
     def readers(self) -> int:
         """How many there are."""
         return len(self._readers)
 
-    def join(self) -> tuple[int, Queue[bytes]] | None:
-        """The number and queue of a new reader; None if there are too many."""
+    def join(self, address: str = "", close: Callable[[], None] = lambda: None) -> Reader | None:
+        """A new reader at an address, whose connection `close` ends; None if there are too many."""
+        place = self.places.take(address, close)
+        if place is None:
+            return None
+        reader = Reader(place)
         with self._lock:
-            if len(self._readers) >= MAX_READERS:
-                return None
-            queue: Queue[bytes] = Queue(QUEUED_MESSAGES)
             if self._first is not None:
-                queue.put_nowait(self._first())
-            self._count += 1
-            self._readers[self._count] = queue
-            return self._count, queue
+                reader.queue.put_nowait(self._first())
+            self._readers[reader] = None
+        return reader
 
-    def leave(self, number: int) -> None:
+    def leave(self, reader: Reader) -> None:
         """A reader is gone."""
+        self.places.leave(reader.place)
         with self._lock:
-            self._readers.pop(number, None)
+            self._readers.pop(reader, None)
 
     def publish(self, make: Callable[[], bytes]) -> None:
         """Hand on a message, made while no reader joins, so that none misses it or gets it twice."""
         with self._lock:
             message = make()
-            for queue in self._readers.values():
+            for reader in self._readers:
                 try:
-                    queue.put_nowait(message)
+                    reader.queue.put_nowait(message)
                 except Full:
-                    while not queue.empty():
-                        queue.get_nowait()
+                    while not reader.queue.empty():
+                        reader.queue.get_nowait()
                     if self._first is not None:
-                        queue.put_nowait(self._first())
+                        reader.queue.put_nowait(self._first())
 
 
 class Pictures:
@@ -124,12 +153,107 @@ def event(name: str, content: Any) -> bytes:
     return f"event: {name}\ndata: {json.dumps(content, separators=(',', ':'), allow_nan=False)}\n\n".encode("ascii")
 
 
-class PageServer(ThreadingHTTPServer):
-    """Threads that end with the process."""
+def closed(connection: socket.socket) -> None:
+    """End a connection, from any thread."""
+    with suppress(OSError):
+        connection.shutdown(socket.SHUT_RDWR)
 
+
+def prepare(connection: socket.socket) -> None:
+    """Let it be noticed soon that a reader has vanished or takes nothing."""
+    connection.settimeout(WRITE_S)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in (("TCP_KEEPIDLE", 10), ("TCP_KEEPINTVL", 5), ("TCP_KEEPCNT", 3), ("TCP_USER_TIMEOUT", 20_000)):
+        if hasattr(socket, name):  # not all systems have all
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+def has_left(connection: socket.socket) -> bool:
+    """Whether a reader has closed its side; what it sends is read and dropped."""
+    try:
+        connection.setblocking(False)  # noqa: FBT003 (the function of a socket)
+        return not connection.recv(4096)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    finally:
+        connection.settimeout(WRITE_S)
+
+
+def send_all(reader: Reader, connection: socket.socket, idle: bytes) -> None:
+    """Send a reader its messages until it is gone; `idle` where there are none. Raises OSError."""
+    while not has_left(connection):
+        try:
+            message = reader.queue.get(timeout=KEEP_ALIVE_S)
+        except Empty:
+            message = idle
+        if message:
+            reader.place.expect(WRITE_S)
+            connection.sendall(message)
+            reader.place.expect_nothing()
+
+
+class BoundedHead(io.BufferedReader):
+    """What a browser sends: a request has a bounded size, however many lines it has."""
+
+    left_bytes = MAX_REQUEST_BYTES
+
+    def readline(self, size: int | None = -1, /) -> bytes:
+        """A line; ConnectionAbortedError if the request is too long."""
+        line = super().readline(size)
+        self.left_bytes -= len(line)
+        if self.left_bytes < 0:
+            raise ConnectionAbortedError
+        return line
+
+
+class BoundedServer(ThreadingMixIn, TCPServer):
+    """Connections in threads that end with the process, with places for them, and a thread that accepts them."""
+
+    allow_reuse_address = sys.platform != "win32"  # there it would let two programs listen
     daemon_threads = True
     request_queue_size = 128
     """Each of fifty readers asks for several tiles at once."""
+
+    def __init__(
+        self, host: str, port: int, handler: type[BaseRequestHandler], places: Places, name: str, further: Places | None
+    ) -> None:
+        super().__init__((host, port), handler)
+        self._places = places
+        self._further = further
+        self._of: dict[socket.socket, Place] = {}
+        self.thread = SupervisedThread(name, self.serve_forever, lambda _: None)
+        self.thread.ensure()
+
+    def place_of(self, connection: socket.socket) -> Place:
+        """The place of a connection."""
+        return self._of.get(connection) or Place("", lambda: None)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection, unless too many are there."""
+        place = self._places.take(str(client_address[0]), partial(closed, request))
+        if place is None:
+            self.shutdown_request(request)
+            return
+        self._of[request] = place
+        prepare(request)
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """A connection has ended."""
+        place = self._of.pop(request, None)
+        if place is not None:
+            self._places.leave(place)
+        super().shutdown_request(request)
+
+    def service_actions(self) -> None:
+        """End connections that hang; about twice a second."""
+        super().service_actions()
+        self._places.close_overdue()
+        if self._further is not None:
+            self._further.close_overdue()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say what failed, unless a reader only disconnected."""
@@ -138,26 +262,56 @@ class PageServer(ThreadingHTTPServer):
 
 
 def serve_page(
-    host: str, port: int, hub: Hub, language: str, background: BackgroundMap | None = None
-) -> ThreadingHTTPServer:
-    """Serve page, stream and tiles in threads; readers change nothing. Raises OSError if the port cannot be used."""
+    host: str,
+    port: int,
+    hub: Hub,
+    language: str,
+    background: BackgroundMap | None = None,
+    names: Sequence[str] = (),
+) -> BoundedServer:
+    """Serve page, stream and tiles in threads; readers change nothing.
+
+    Args:
+        names: of this computer, besides its own.
+
+    Raises:
+        OSError: if the port cannot be used.
+    """
     page = render(
         "live.html", "script-src 'self'", "connect-src 'self'", "img-src 'self' data:", language=language
     ).encode()
     script = files("furrowmap.exporters.share").joinpath("live.js").read_bytes()
     served = {"/": ("text/html; charset=utf-8", page), "/live.js": ("text/javascript; charset=utf-8", script)}
+    own = OwnHosts.of(host, names)
 
     class LivePage(BaseHTTPRequestHandler):
         """GET of the page, its script, its stream, and tiles."""
 
         protocol_version = "HTTP/1.1"
-        timeout = 30.0
+        timeout = WRITE_S
+
+        def setup(self) -> None:
+            """Bound what is read."""
+            super().setup()
+            self.rfile = self._bounded = BoundedHead(self.connection.makefile("rb", buffering=0))
+            assert isinstance(self.server, BoundedServer)
+            self._place = self.server.place_of(self.connection)
+
+        def handle_one_request(self) -> None:
+            """Read a request within a time and a size, and answer it."""
+            self._bounded.left_bytes = MAX_REQUEST_BYTES
+            self._place.expect(REQUEST_S)
+            super().handle_one_request()
 
         def do_GET(self) -> None:
             """One of the four."""
+            self._place.expect(ANSWER_S)
             path = self.path.partition("?")[0]
             named = TILE.fullmatch(path)
-            if path == "/events":
+            refused = self._refused(path)
+            if refused is not None:
+                self._refuse(refused)
+            elif path == "/events":
                 self._stream()
             elif path in served:
                 kind, content = served[path]
@@ -171,43 +325,59 @@ def serve_page(
             else:
                 self._head(HTTPStatus.NOT_FOUND, "text/plain", 0)
 
+        def _refused(self, path: str) -> HTTPStatus | None:
+            """Why a request is none of a reader of the page; None if it is one."""
+            hosts = self.headers.get_all("Host") or []
+            origin = self.headers.get("Origin")
+            if len(hosts) != 1 or not own.include(hosts[0].strip()):
+                return HTTPStatus.MISDIRECTED_REQUEST
+            if self.headers.get("Transfer-Encoding") or self.headers.get("Content-Length", "0").strip() != "0":
+                return HTTPStatus.REQUEST_ENTITY_TOO_LARGE
+            if origin is not None and origin.partition("://")[2].lower() != hosts[0].strip().lower():
+                return HTTPStatus.FORBIDDEN
+            if path != "/" and self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
+                return HTTPStatus.FORBIDDEN
+            return None
+
+        def _refuse(self, status: HTTPStatus) -> None:
+            text = WRONG_HOST if status is HTTPStatus.MISDIRECTED_REQUEST else b""
+            self.close_connection = True
+            self._head(status, "text/plain; charset=utf-8", len(text))
+            self.wfile.write(text)
+
         def _head(self, status: HTTPStatus, kind: str, length: int | None, kept: str = "no-store") -> None:
             self.send_response(status)
             self.send_header("Content-Type", kind)
             self.send_header("Cache-Control", kept)
             self.send_header("X-Content-Type-Options", "nosniff")
+            self.send_header("Cross-Origin-Resource-Policy", "same-origin")
             if length is None:
-                self.send_header("Connection", "close")
                 self.close_connection = True
             else:
                 self.send_header("Content-Length", str(length))
+            if self.close_connection:
+                self.send_header("Connection", "close")
             self.end_headers()
 
         def _stream(self) -> None:
-            joined = hub.join()
-            if joined is None:
+            reader = hub.join(self.client_address[0], partial(closed, self.connection))
+            if reader is None:
                 self._head(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", 0)
                 return
-            number, queue = joined
             try:
                 self._head(HTTPStatus.OK, "text/event-stream", None)
                 self.wfile.write(b"retry: 1000\n\n")
-                while True:
-                    try:
-                        self.wfile.write(queue.get(timeout=KEEP_ALIVE_S))
-                    except Empty:
-                        self.wfile.write(event("alive", None))
+                self._place.expect_nothing()
+                send_all(reader, self.connection, event("alive", None))
             except OSError:  # the reader is gone
                 pass
             finally:
-                hub.leave(number)
+                hub.leave(reader)
 
         def log_message(self, *_: object) -> None:
             """Requests are not logged."""
 
-    server = PageServer((host, port), LivePage)
-    Thread(target=server.serve_forever, daemon=True).start()
-    return server
+    return BoundedServer(host, port, LivePage, Places(MAX_CONNECTIONS, MAX_OF_ADDRESS), "page", hub.places)
 
 
 def tile_of(background: BackgroundMap | None, zoom: int, column: int, row: int) -> bytes:
@@ -220,7 +390,7 @@ def tile_of(background: BackgroundMap | None, zoom: int, column: int, row: int) 
     return b""
 
 
-def serve_lines(host: str, port: int, hub: Hub) -> ThreadingTCPServer:
+def serve_lines(host: str, port: int, hub: Hub) -> BoundedServer:
     """Send a hub's messages to whoever connects, as NMEA receivers do; raises OSError if the port cannot be used."""
 
     class LineOutlet(BaseRequestHandler):
@@ -228,25 +398,14 @@ def serve_lines(host: str, port: int, hub: Hub) -> ThreadingTCPServer:
 
         def handle(self) -> None:
             """Send until the reader is gone."""
-            joined = hub.join()
-            if joined is None:
+            reader = hub.join(self.client_address[0], partial(closed, self.request))
+            if reader is None:
                 return
-            number, queue = joined
-            self.request.settimeout(30.0)
             try:
-                while True:
-                    self.request.sendall(queue.get())
+                send_all(reader, self.request, b"")
             except OSError:
                 pass
             finally:
-                hub.leave(number)
+                hub.leave(reader)
 
-    class OutletServer(ThreadingTCPServer):
-        """Threads that end with the process."""
-
-        allow_reuse_address = True
-        daemon_threads = True
-
-    server = OutletServer((host, port), LineOutlet)
-    Thread(target=server.serve_forever, daemon=True).start()
-    return server
+    return BoundedServer(host, port, LineOutlet, Places(MAX_CONNECTIONS, MAX_OF_ADDRESS), "NMEA outlet", hub.places)

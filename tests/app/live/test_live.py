@@ -108,7 +108,7 @@ def test_stream__of_a_reader_that_hangs_begins_anew_and_holds_up_nobody() -> Non
     assert joined is not None
     for number in range(QUEUED_MESSAGES + 5):
         hub.publish(partial(event, "pose", number))
-    queue = joined[1]
+    queue = joined.queue
     waiting = [queue.get_nowait() for _ in range(queue.qsize())]
     assert waiting[0] == event("picture", "whole")
     assert waiting[-1] == event("pose", QUEUED_MESSAGES + 4)
@@ -253,7 +253,7 @@ def test_waiting_and_warnings__are_said_in_the_languages_of_readers() -> None:
     outlets, waits = Outlets(Pictures(), hub, Hub(), None, None, None), InputError("live-waits")
     silent = Notice("record-silent", source="192.168.1.201", age_s=3.0)  # as the recorder's status has it
     outlets.wait_for(waits, [{"code": silent.code, "text": silent.text}])
-    said = json.loads(joined[1].get_nowait().decode().partition("data: ")[2])
+    said = json.loads(joined.queue.get_nowait().decode().partition("data: ")[2])
     assert said == {
         "en": f"{waits.what} {silent.text}",
         "ja": f"{waits.lines_in('ja')[0]} {silent.text_in('ja')}",

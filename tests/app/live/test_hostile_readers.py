@@ -1,0 +1,303 @@
+"""Readers of a live page that hang, that are many, or that are foreign pages keep nobody else out."""
+
+from __future__ import annotations
+
+import json
+import socket
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from http.client import HTTPConnection
+from pathlib import Path
+
+import pytest
+
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.session.proposal import recorded_session
+from furrowmap.core.values.machine import Machine
+from furrowmap.workflows.live import server as served
+from furrowmap.workflows.live.feeds import recorder_status
+from furrowmap.workflows.live.hosts import OwnHosts
+from furrowmap.workflows.live.live import LiveLog
+from furrowmap.workflows.live.mqtt import MqttOutlet
+from furrowmap.workflows.live.places import Places
+from furrowmap.workflows.live.server import Hub, event, serve_lines, serve_page
+from tests.app.obstacles import OBSTACLES, obstacle
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the addresses of the loopback are those of Linux")
+
+STREAM = b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+
+
+@contextmanager
+def page(hub: Hub, host: str = "0.0.0.0", names: tuple[str, ...] = ()) -> Iterator[int]:
+    server = serve_page(host, 0, hub, "", None, names)
+    yield int(server.server_address[1])
+    server.shutdown()
+    server.server_close()
+
+
+def connected(port: int, source: str, says: bytes = b"") -> socket.socket:
+    connection = socket.socket()
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    connection.bind((source, 0))
+    connection.settimeout(20.0)
+    connection.connect(("127.0.0.1", port))
+    connection.sendall(says)
+    return connection
+
+
+def answered(port: int, source: str = "127.0.0.1") -> bool:
+    """Whether a reader gets the stream."""
+    try:
+        with connected(port, source, STREAM) as reader:
+            return reader.recv(100).startswith(b"HTTP/1.1 200")
+    except OSError:
+        return False
+
+
+def holds(condition: Callable[[], bool], within_s: float = 30.0) -> bool:
+    ends_s = time.monotonic() + within_s
+    while time.monotonic() < ends_s:
+        if condition():
+            return True
+        time.sleep(0.1)
+    return False
+
+
+@pytest.mark.parametrize("addresses", [1, 5])
+def test_promise_26__connections_that_never_read_keep_nobody_out(addresses: int) -> None:
+    """60 of one address, and as many of each of five: another one is served at once."""
+    with page(Hub(lambda: event("picture", "x" * 50_000))) as port, ExitStack() as stack:
+        for number in range(60 * addresses):
+            try:
+                stack.enter_context(connected(port, f"127.0.1.{1 + number % addresses}", STREAM))
+            except OSError:
+                continue
+        assert all(answered(port, f"127.0.2.{number}") for number in range(1, 6))
+        assert answered(port)
+
+
+def test_promise_26__slow_requests_keep_nobody_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(served, "REQUEST_S", 1.0)
+    with page(Hub()) as port, ExitStack() as stack:
+        slow = [
+            stack.enter_context(connected(port, f"127.0.1.{1 + number % 8}", b"GET / HTTP/1.1\r\nHost:"))
+            for number in range(400)
+        ]
+        begun_s = time.monotonic()
+        assert holds(lambda: answered(port))
+        ended = [each for each in slow if is_ended(each)]
+        sys.stderr.write(f"served after {time.monotonic() - begun_s:.1f} s, {len(ended)} of 400 slow ones ended\n")
+        assert holds(lambda: all(is_ended(each) for each in slow))
+
+
+def is_ended(connection: socket.socket) -> bool:
+    """Whether the server has ended a connection to which bytes still trickle."""
+    try:
+        connection.sendall(b"a")
+        connection.settimeout(0.01)
+        return connection.recv(1000) == b""
+    except TimeoutError:
+        return False
+    except OSError:
+        return True
+
+
+def test_reader__that_takes_nothing_loses_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(served, "WRITE_S", 1.0)
+    hub = Hub()
+    with page(hub) as port, connected(port, "127.0.0.1", STREAM):
+        assert holds(lambda: hub.readers == 1)
+        for _ in range(100):
+            hub.publish(lambda: event("pose", "x" * 50_000))
+            time.sleep(0.01)
+        assert holds(lambda: hub.readers == 0 and len(hub.places) == 0)
+
+
+@pytest.mark.parametrize("ends", ["closed", "half closed", "reset"])
+def test_outlet__connection_that_was_closed_gives_its_place_back(ends: str) -> None:
+    """While nothing is sent to it."""
+    hub = Hub()
+    server = serve_lines("127.0.0.1", 0, hub)
+    reader = connected(int(server.server_address[1]), "127.0.0.1")
+    assert holds(lambda: hub.readers == 1)
+    if ends == "half closed":
+        reader.shutdown(socket.SHUT_WR)
+    elif ends == "reset":
+        reader.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+        reader.close()
+    else:
+        reader.close()
+    assert holds(lambda: hub.readers == 0 and len(hub.places) == 0, 10.0)
+    reader.close()
+    server.shutdown()
+    server.server_close()
+
+
+def test_outlet__many_connections_of_an_address_keep_others_in() -> None:
+    hub = Hub()
+    server = serve_lines("127.0.0.1", 0, hub)
+    port = int(server.server_address[1])
+    with ExitStack() as stack:
+        for _ in range(100):
+            stack.enter_context(connected(port, "127.0.1.1", b"what an NMEA receiver is never told"))
+        reader = stack.enter_context(connected(port, "127.0.0.1"))
+        assert holds(lambda: "127.0.0.1" in {each.place.address for each in hub._readers})
+        hub.publish(lambda: b"$GPGGA\r\n")
+        assert reader.recv(100) == b"$GPGGA\r\n"
+    server.shutdown()
+    server.server_close()
+
+
+def test_places__are_shared_among_addresses() -> None:
+    closed = list[str]()
+    places = Places(6, 4)
+    taken = [places.take("a", lambda: closed.append("a")) for _ in range(5)]
+    assert [each is not None for each in taken] == [True] * 4 + [False]
+    assert all(places.take("b", lambda: closed.append("b")) for _ in range(2))
+    assert places.take("c", lambda: None) is not None
+    assert closed == ["a"]
+    assert len(places) == 6
+    assert places.take("d", lambda: None) is not None
+    assert closed == ["a", "a"]
+    assert places.take("c", lambda: None) is None, "nobody has two more"
+    hanging = places.take("a", lambda: None)
+    assert hanging is None
+    later = next(each for each in taken[2:] if each is not None)
+    later.expect(-1.0)
+    places.close_overdue()
+    assert closed == ["a", "a", "a"]
+    later.expect_nothing()
+    places.leave(later)
+    assert len(places) == 5
+
+
+def status_of(port: int, request: bytes) -> int:
+    """The status of the answer; 0 where there is none."""
+    with connected(port, "127.0.0.1", request) as reader:
+        try:
+            answer = reader.recv(200)
+        except OSError:
+            return 0
+        return int(answer.split(b" ")[1]) if answer else 0
+
+
+@pytest.mark.parametrize(
+    ("lines", "status"),
+    [
+        (("Host: 127.0.0.1",), 200),
+        (("Host: localhost:8080",), 200),
+        (("Host: LOCALHOST.",), 200),
+        (("Host: [::1]:8080",), 200),
+        (("Host: 192.168.1.10:8080",), 421),
+        (("Host: evil.example",), 421),
+        (("Host: 127.0.0.1.evil.example",), 421),
+        (("Host: 127.0.0.1@evil.example",), 421),
+        (("Host: evil.example", "Host: 127.0.0.1"), 421),
+        (("Host:",), 421),
+        ((), 421),
+        (("Host: tractor.example",), 200),
+        (("Host: 127.0.0.1", "Origin: http://evil.example"), 403),
+        (("Host: 127.0.0.1", "Origin: null"), 403),
+        (("Host: 127.0.0.1", "Origin: http://127.0.0.1"), 200),
+        (("Host: 127.0.0.1", "Content-Length: 5"), 413),
+        (("Host: 127.0.0.1", "Transfer-Encoding: chunked"), 413),
+        (("Host: 127.0.0.1", "A: " + "a" * 20_000), 0),
+        (("Host: 127.0.0.1", *(f"A{number}: a" for number in range(90))), 200),
+        (("Host: 127.0.0.1", *(f"A{number}: a" for number in range(200))), 431),
+    ],
+    ids=str,
+)
+def test_promise_26__page_is_asked_for_by_names_of_this_computer_only(lines: tuple[str, ...], status: int) -> None:
+    """A page of another site whose name leads here (DNS rebinding) reads nothing; served at the loopback."""
+    with page(Hub(), "127.0.0.1", ("tractor.example",)) as port:
+        request = "\r\n".join(("GET / HTTP/1.1", *lines, "", ""))
+        assert status_of(port, request.encode("ascii")) == status
+
+
+def test_page__of_another_site_opens_no_stream() -> None:
+    with page(Hub()) as port:
+        for path, status in (("/", 200), ("/events", 403), ("/live.js", 403)):
+            asked = f"GET {path} HTTP/1.1\r\nHost: 192.168.1.10\r\nSec-Fetch-Site: cross-site\r\n\r\n"
+            assert status_of(port, asked.encode("ascii")) == status
+        assert status_of(port, b"GET /" + b"a" * 70_000 + b" HTTP/1.1\r\n\r\n") in (0, 414)
+        reader = HTTPConnection("127.0.0.1", port, timeout=20)
+        reader.request("GET", "/")
+        answer = reader.getresponse()
+        answer.read()
+        assert answer.getheader("Cross-Origin-Resource-Policy") == "same-origin"
+        assert answer.getheader("Access-Control-Allow-Origin") is None
+        reader.close()
+
+
+def test_hosts__in_the_network_are_the_name_and_the_addresses_of_the_computer() -> None:
+    own = OwnHosts.of("0.0.0.0", ["Cab.Example."])
+    name = socket.gethostname()
+    for header in (name, f"{name}:8080", f"{name.partition('.')[0]}.local", "10.0.0.7:80", "[fe80::1]", "cab.example"):
+        assert own.include(header)
+    for header in (f"{name}.evil.example", "", ":80", "[::1", "a b", "host:80:80", "[evil]:80"):
+        assert not own.include(header)
+
+
+@pytest.mark.parametrize("kind", OBSTACLES)
+def test_promise_26__live_log_is_written_through_nothing(kind: str, tmp_path: Path) -> None:
+    with obstacle(tmp_path / "live.jsonl", kind) as unchanged:
+        log = LiveLog(tmp_path / "live.jsonl")
+        log.begin({"crs": "EPSG:6677"})
+        log.append({"t_s": 1.0})
+        unchanged()
+        if log.fault is None:
+            lines = (tmp_path / "live.jsonl").read_text(encoding="utf-8").splitlines()
+            assert list(map(json.loads, lines)) == [{"crs": "EPSG:6677"}, {"t_s": 1.0}]
+        else:
+            assert log.fault.code == "live-log"
+
+
+@pytest.mark.parametrize("content", ["", "[]", "5", '{"warnings": 5}', '{"warnings": [5, {"code": 1}]}', "[" * 100_000])
+def test_status__of_something_else_is_none(content: str, tmp_path: Path) -> None:
+    (tmp_path / "status.json").write_text(content, encoding="utf-8")
+    assert recorder_status(tmp_path).get("warnings", []) == []
+
+
+@pytest.mark.parametrize("kind", OBSTACLES)
+def test_status__is_read_from_a_file_only(kind: str, tmp_path: Path) -> None:
+    with obstacle(tmp_path / "status.json", kind):
+        assert recorder_status(tmp_path) == {}
+
+
+def test_folder__with_copies_follows_the_captures_only(tmp_path: Path) -> None:
+    (tmp_path / "session.toml").write_text(recorded_session("Monday", Machine()), encoding="utf-8")
+    assert recorder_status(tmp_path) == {}
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"\x20\x00",
+        b"\x20\x01\0",
+        b"\x30\xff\xff\xff\xff\xff",
+        b"\x30\x02\0\x50",
+        b"HTTP/1.1 400 No\r\n\r\n",
+        b"\xff" * 100,
+    ],
+    ids=repr,
+)
+def test_mqtt__broker_that_is_none_is_named_and_asked_again(answer: bytes) -> None:
+    connections = 0
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(20.0)
+        outlet = MqttOutlet(f"mqtt://127.0.0.1:{server.getsockname()[1]}")
+        for _ in range(2):
+            broker, _ = server.accept()
+            with broker:
+                connections += 1
+                broker.recv(1000)
+                broker.sendall(answer)
+                time.sleep(0.2)
+        assert connections == 2
+        fault = outlet.fault
+        assert isinstance(fault, Notice)
+        assert fault.code == "live-mqtt"
+        outlet.close()
