@@ -16,6 +16,7 @@ from threading import Event
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format, datagrams_of
@@ -205,12 +206,16 @@ class FolderFeed:
                     self._put(piece, time.time())
                     series.given_bytes += len(piece)
                 return
-            for data in Capture(source):
+            before_s = series.given_s  # that were given before this thread was ended, and begun again
+            for block in Capture(source):
+                data = _some(block, np.flatnonzero(block.time_s > before_s)) if math.isfinite(before_s) else block
+                if not len(data):
+                    continue
                 due_s = float(data.time_s[-1])
                 # What was recorded before is not shown as now; the last seconds show what the clocks count from.
-                if due_s > series.given_s and (not series.is_first or time.time() - due_s < 5.0):
+                if not series.is_first or time.time() - due_s < 5.0:
                     self._put(data, due_s)
-                    series.given_s = due_s
+                series.given_s = max(series.given_s, due_s)
 
     def _put(self, data: Datagrams | bytes, due_s: float) -> None:
         """Hand on some of the input, unless the feed is stopped first."""
@@ -237,6 +242,12 @@ def _warnings(given: object) -> list[dict[str, str]]:
     found = [each for each in given if isinstance(each, dict)] if isinstance(given, list) else []
     texts = [(each.get("code"), each.get("text")) for each in found]
     return [{"code": code, "text": text} for code, text in texts if isinstance(code, str) and isinstance(text, str)]
+
+
+def _some(datagrams: Datagrams, rows: NDArray[np.int64] | slice) -> Datagrams:
+    """Some of the datagrams of a block."""
+    cut = {name: getattr(datagrams, name)[rows] for name in ("offset", "length", "time_s", "sender")}
+    return replace(datagrams, **cut)
 
 
 def _chunks(source: Source) -> Iterator[bytes]:
@@ -303,5 +314,4 @@ class PlayedFeed:
                 some = slice(int(part[0]), int(part[-1]) + 1)
                 last_s = float(block.time_s[some][-1])
                 utc_s = last_s + self._scans.utc_minus_host_s
-                cut = {name: getattr(block, name)[some] for name in ("offset", "length", "time_s", "sender")}
-                yield last_s, utc_s, self._scans.push(replace(block, **cut))
+                yield last_s, utc_s, self._scans.push(_some(block, some))

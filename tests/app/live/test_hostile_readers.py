@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import socket
 import sys
@@ -10,19 +11,25 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
+from threading import Event
 
 import pytest
 
+import furrowmap
+from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.session.proposal import recorded_session
-from furrowmap.core.values.machine import Machine
+from furrowmap.core.runtime.supervised import SupervisedThread
+from furrowmap.core.session.opened import open_session
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.session import Recording
 from furrowmap.workflows.live import server as served
-from furrowmap.workflows.live.feeds import recorder_status
+from furrowmap.workflows.live.feeds import FolderFeed, recorder_status
 from furrowmap.workflows.live.hosts import OwnHosts
-from furrowmap.workflows.live.live import LiveLog
+from furrowmap.workflows.live.live import LiveLog, thread_fault
 from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.places import Places
 from furrowmap.workflows.live.server import Hub, event, serve_lines, serve_page
+from furrowmap.workflows.record.network import PCAP_HEAD
 from tests.app.obstacles import OBSTACLES, obstacle
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the addresses of the loopback are those of Linux")
@@ -267,9 +274,66 @@ def test_status__is_read_from_a_file_only(kind: str, tmp_path: Path) -> None:
         assert recorder_status(tmp_path) == {}
 
 
-def test_folder__with_copies_follows_the_captures_only(tmp_path: Path) -> None:
-    (tmp_path / "session.toml").write_text(recorded_session("Monday", Machine()), encoding="utf-8")
-    assert recorder_status(tmp_path) == {}
+class Killed(BaseException):
+    """What no handler of a thread expects."""
+
+
+def kill(thread: SupervisedThread) -> None:
+    """Raise an exception in a thread, at whatever it is just doing."""
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(Killed))
+
+
+def test_promise_26__servers_whose_threads_are_killed_serve_again() -> None:
+    lines = Hub()
+    for server, works in (
+        (serve_page("127.0.0.1", 0, Hub(), ""), answered),
+        (serve_lines("127.0.0.1", 0, lines), lambda port: bool(connected(port, "127.0.0.1")) and lines.readers > 0),
+    ):
+        port = int(server.server_address[1])
+        assert holds(lambda works=works, port=port: works(port))  # type: ignore[misc]
+        for ends in range(1, 4):
+            kill(server.thread)
+            assert holds(lambda server=server, ends=ends: server.thread.ends >= ends, 10.0)  # type: ignore[misc]
+            assert "Killed" in server.thread.cause
+            fault = thread_fault(server.thread)
+            assert fault is not None
+            assert fault.code == "live-thread"
+            assert holds(lambda works=works, port=port: works(port))  # type: ignore[misc]
+        server.shutdown()
+        server.server_close()
+
+
+def test_promise_26__feed_whose_threads_are_killed_goes_on_where_it_was(
+    simulated: furrowmap.Simulated, tmp_path: Path
+) -> None:
+    """Copies of captures, and links at their names, are not followed."""
+    own = "lidar-192.168.1.201"
+    (tmp_path / f"{own}-0001.pcap").write_bytes(PCAP_HEAD)
+    (tmp_path / f"{own}-0001 (copy).pcap").write_bytes(b"no capture")
+    (tmp_path / f"{own}-0003.pcap").symlink_to(tmp_path / "none")
+    (tmp_path / "gnss-0001.log").write_bytes(b"0,")
+    recording = Recording(lidar=(f"{own}-0001.pcap",), gnss=("gnss-0001.log",))
+    feed = FolderFeed(tmp_path, recording, ScanStream(tmp_path / f"{own}-0001.pcap", "VLP-16"), Event())
+    log = b""
+    scans = list[Scan]()
+    written = 0
+    for piece in feed.pieces():
+        log += piece.data if isinstance(piece.data, bytes) else b""
+        scans += piece.data if isinstance(piece.data, list) else []
+        if written < 6 and log.endswith(b"%d," % written):
+            written += 1
+            for thread in feed.threads:
+                kill(thread)
+            with (tmp_path / "gnss-0001.log").open("ab") as file:
+                file.write(b"%d," % written)
+            if written == 3:
+                (tmp_path / f"{own}-0002.pcap").write_bytes((simulated.folder / "recording.pcap").read_bytes())
+        if log.endswith(b"6,") and len(scans) > 40:
+            (tmp_path / "status.json").write_text('{"state": "ended"}', encoding="utf-8")
+    assert log == b"0,1,2,3,4,5,6,"
+    assert all(thread.ends for thread in feed.threads)
+    of_file = list(open_session(simulated.session).lidar(0.0).scans())
+    assert [len(scan) for scan in scans] == [len(scan) for scan in of_file][: len(scans)]
 
 
 @pytest.mark.parametrize(
