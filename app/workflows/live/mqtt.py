@@ -11,7 +11,7 @@ from furrowmap.core.runtime.supervised import SupervisedThread
 PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 MAX_RECONNECT_S: Final = 10.0
 CONNECT_S: Final = 5.0
-KEEP_ALIVE_S: Final = 15
+MQTT_KEEP_ALIVE_S: Final = 15
 LOOP_S: Final = 0.05
 
 
@@ -88,7 +88,7 @@ class MqttOutlet:
         client.connect_timeout = CONNECT_S
         self._is_connected = False
         try:
-            client.connect(*self._at, keepalive=KEEP_ALIVE_S)
+            client.connect(*self._at, keepalive=MQTT_KEEP_ALIVE_S)
             while not self.thread.stopping.is_set() and client.loop(LOOP_S) == 0:
                 for name in list(self._waiting):
                     text = self._waiting.pop(name)

@@ -9,7 +9,7 @@ from threading import Lock
 
 
 @dataclass(eq=False)
-class Place:
+class ReaderPlace:
     """The place of a connection.
 
     Attributes:
@@ -40,32 +40,32 @@ class Places:
 
     most: int
     most_of_one: int
-    _taken: dict[Place, None] = field(default_factory=dict)
+    _taken: dict[ReaderPlace, None] = field(default_factory=dict)
     _lock: Lock = field(default_factory=Lock)
 
     def __len__(self) -> int:
         return len(self._taken)
 
-    def take(self, address: str, close: Callable[[], None]) -> Place | None:
+    def take(self, address: str, close: Callable[[], None]) -> ReaderPlace | None:
         """A place for a connection of an address; None if there is none."""
         with self._lock:
             counts = Counter(place.address for place in self._taken)
             if counts[address] >= self.most_of_one:
                 return None
-            removed: Place | None = None
+            removed: ReaderPlace | None = None
             if len(self._taken) >= self.most:
                 heaviest, count = counts.most_common(1)[0]
                 if count < counts[address] + 2:
                     return None
                 removed = next(place for place in self._taken if place.address == heaviest)
                 del self._taken[removed]
-            place = Place(address, close)
+            place = ReaderPlace(address, close)
             self._taken[place] = None
         if removed is not None:
             removed.close()
         return place
 
-    def leave(self, place: Place) -> None:
+    def leave(self, place: ReaderPlace) -> None:
         """A connection has ended."""
         with self._lock:
             self._taken.pop(place, None)

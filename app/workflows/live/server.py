@@ -27,7 +27,7 @@ from furrowmap.core.work.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, Work
 from furrowmap.exporters.reports.pages import render
 from furrowmap.workflows.live.background import BackgroundMap, kind_of
 from furrowmap.workflows.live.hosts import OwnHosts
-from furrowmap.workflows.live.places import Place, Places
+from furrowmap.workflows.live.places import ReaderPlace, Places
 
 QUEUED_MESSAGES: Final = 64
 """Messages that wait for a reader; one that falls further behind begins anew with a whole picture."""
@@ -39,7 +39,7 @@ MAX_OF_ADDRESS: Final = 64
 REQUEST_S: Final = 15.0
 """Until a request is whole, from the one before on."""
 MAX_REQUEST_BYTES: Final = 1 << 14
-ANSWER_S: Final = 30.0
+PAGE_ANSWER_S: Final = 30.0
 WRITE_S: Final = 10.0
 """A reader that takes nothing for so long is left."""
 SEND_BUFFER_BYTES: Final = 1 << 16
@@ -50,10 +50,10 @@ TILE: Final = re.compile(r"/tiles/(\d{1,2})/(\d{1,8})/(\d{1,8})")
 
 
 @dataclass(frozen=True, eq=False)
-class Reader:
+class PageReader:
     """A reader of a hub: its place, and the messages that wait for it."""
 
-    place: Place
+    place: ReaderPlace
     queue: Queue[bytes] = field(default_factory=lambda: Queue(QUEUED_MESSAGES))
 
 
@@ -64,26 +64,26 @@ class Hub:
         self.places = Places(MAX_READERS, MAX_READERS_OF_ADDRESS)
         self._first = first
         self._lock = Lock()
-        self._readers: dict[Reader, None] = {}
+        self._readers: dict[PageReader, None] = {}
 
     @property
     def readers(self) -> int:
         """How many there are."""
         return len(self._readers)
 
-    def join(self, address: str = "", close: Callable[[], None] = lambda: None) -> Reader | None:
+    def join(self, address: str = "", close: Callable[[], None] = lambda: None) -> PageReader | None:
         """A new reader at an address, whose connection `close` ends; None if there are too many."""
         place = self.places.take(address, close)
         if place is None:
             return None
-        reader = Reader(place)
+        reader = PageReader(place)
         with self._lock:
             if self._first is not None:
                 reader.queue.put_nowait(self._first())
             self._readers[reader] = None
         return reader
 
-    def leave(self, reader: Reader) -> None:
+    def leave(self, reader: PageReader) -> None:
         """A reader is gone."""
         self.places.leave(reader.place)
         with self._lock:
@@ -182,7 +182,7 @@ def has_left(connection: socket.socket) -> bool:
         connection.settimeout(WRITE_S)
 
 
-def send_all(reader: Reader, connection: socket.socket, idle: bytes) -> None:
+def send_all(reader: PageReader, connection: socket.socket, idle: bytes) -> None:
     """Send a reader its messages until it is gone; `idle` where there are none. Raises OSError."""
     while not has_left(connection):
         try:
@@ -223,13 +223,13 @@ class BoundedServer(ThreadingMixIn, TCPServer):
         super().__init__((host, port), handler)
         self._places = places
         self._further = further
-        self._of: dict[socket.socket, Place] = {}
+        self._of: dict[socket.socket, ReaderPlace] = {}
         self.thread = SupervisedThread(name, self.serve_forever, lambda _: None)
         self.thread.ensure()
 
-    def place_of(self, connection: socket.socket) -> Place:
+    def place_of(self, connection: socket.socket) -> ReaderPlace:
         """The place of a connection."""
-        return self._of.get(connection) or Place("", lambda: None)
+        return self._of.get(connection) or ReaderPlace("", lambda: None)
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve a connection, unless too many are there."""
@@ -305,7 +305,7 @@ def serve_page(
 
         def do_GET(self) -> None:
             """One of the four."""
-            self._place.expect(ANSWER_S)
+            self._place.expect(PAGE_ANSWER_S)
             path = self.path.partition("?")[0]
             named = TILE.fullmatch(path)
             refused = self._refused(path)
