@@ -27,7 +27,7 @@ from furrowmap.core.work.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, Work
 from furrowmap.exporters.reports.pages import render
 from furrowmap.workflows.live.background import BackgroundMap, kind_of
 from furrowmap.workflows.live.hosts import OwnHosts
-from furrowmap.workflows.live.places import ReaderPlace, Places
+from furrowmap.workflows.live.places import Places, ReaderPlace
 
 QUEUED_MESSAGES: Final = 64
 """Messages that wait for a reader; one that falls further behind begins anew with a whole picture."""
