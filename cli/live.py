@@ -60,12 +60,11 @@ def live(
     summary = furrowmap.live(
         recording,
         play=0.0 if played is None else math.inf if speed == 0 else float(speed or 1),
-        host="127.0.0.1" if local else "0.0.0.0",  # noqa: S104 (tablets on the local network look at it)
+        host=["127.0.0.1" if local else "0.0.0.0", *host],  # noqa: S104 (tablets on the local network look at it)
         port=port or None,
         nmea_port=10110 if nmea_port is None else nmea_port or None,
         mqtt=mqtt,
         background=background,
-        names=host,
         on_scan=_put_line if console.as_json else None,
     )
     console.answer(asdict(summary), table(figures(asdict(summary))))

@@ -24,6 +24,7 @@ EVERY_ONE: Final = {
     "core/values/plot_grid.py PlotGrid.block_size": 1,
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
     "app/workflows/live/feeds.py Growing.read(size)": -1,
+    "app/workflows/live/server.py BoundedHead.readline(size)": -1,
     "app/workflows/live/live.py live(port)": 8080,
     "app/workflows/live/live.py live(nmea_port)": 10110,  # registered for NMEA 0183
     "core/readers/messages.py find_frames(last)": True,

@@ -93,7 +93,7 @@ class Followed:
     stem: str
     suffix: str
     number: int = 0
-    is_first: bool = True
+    is_first: bool = False
     is_read: bool = False
     given_bytes: int = 0
     given_s: float = -math.inf

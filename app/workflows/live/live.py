@@ -32,7 +32,7 @@ from furrowmap.workflows.live.background import BackgroundMap, open_background
 from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed, recorder_status
 from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.nmea import sentences
-from furrowmap.workflows.live.server import Hub, Pictures, event, serve_lines, serve_page
+from furrowmap.workflows.live.server import BoundedServer, Hub, PageServer, Pictures, event, serve_lines
 
 BACKLOG_S: Final = 0.3
 """A scan that came longer ago is not looked at while newer ones wait."""
@@ -76,7 +76,7 @@ def live(
     recording: str | Path,
     *,
     play: float = 0.0,
-    host: str = "0.0.0.0",  # noqa: S104 (tablets on the local network look at it)
+    host: str | Sequence[str] = "0.0.0.0",  # noqa: S104 (tablets on the local network look at it)
     port: int | None = 8080,
     nmea_port: int | None = 10110,
     mqtt: str | None = None,
@@ -84,21 +84,19 @@ def live(
     language: str | None = None,
     on_scan: Callable[[dict[str, Any]], None] | None = None,
     stop: Event | None = None,
-    names: Sequence[str] = (),
 ) -> LiveSummary:
     """Watch a session while it is recorded, until the recorder ends, `stop` is set, or a KeyboardInterrupt.
 
     Args:
         recording: the folder that `furrowmap record` writes; with `play` the session file of an earlier recording.
         play: play the recording as it came in, so many times as fast; infinite for as fast as it can be looked at.
-        host: address of this computer at which page and outlet are served.
+        host: address of this computer at which page and outlet are served; or that and further names by which the page
+            is opened. Requests for other names than its own come from foreign pages, and are refused.
         port: of the page; None for no page, 0 for any that is free.
         nmea_port: of the outlet of NMEA sentences over TCP; None for none.
         mqtt: broker that messages are sent to: mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], or mqtts://.
         background: PMTiles or MBTiles file of raster tiles that are drawn below the ground worked.
         language: "en" or "ja", in which the page begins; by default that of its reader.
-        names: under which this computer is asked for the page, besides its own name and its addresses: requests for
-            other names come from foreign pages, and are refused.
         on_scan: gets what is known with each scan, as values of JSON; before the first one what is waited for.
 
     Raises:
@@ -122,17 +120,7 @@ def live(
     with suppress(KeyboardInterrupt), ExitStack() as closing:
         if outlets.mqtt is not None:
             closing.callback(outlets.mqtt.close)
-        try:
-            if port is not None:
-                served = serve_page(host, port, outlets.page, language or "", outlets.background, names)
-                closing.callback(served.shutdown)
-                threads.append(served.thread)
-            if nmea_port is not None:
-                lines = serve_lines(host, nmea_port, outlets.lines)
-                closing.callback(lines.shutdown)
-                threads.append(lines.thread)
-        except OSError as error:
-            raise UsageError("usage.live-port", port=port, nmea_port=nmea_port, error=error.strerror) from None
+        threads += _serve([host] if isinstance(host, str) else host, port, nmea_port, outlets, language, closing)
         warm_up()  # while the recorder waits for its sensors
         opened = open_session(file) if play else _opened(file, outlets, stop)
         if opened is None:
@@ -162,6 +150,31 @@ def live(
             else:
                 outlets.wait_for(piece.data, feed.status.get("warnings", ()))
     return LiveSummary() if watch is None else watch.summary()
+
+
+def _serve(
+    hosts: Sequence[str],
+    port: int | None,
+    nmea_port: int | None,
+    outlets: "Outlets",
+    language: str | None,
+    closing: ExitStack,
+) -> list[SupervisedThread]:
+    """Serve page and NMEA sentences until the end; the threads that do. Raises UsageError if a port is taken."""
+    servers = list[BoundedServer]()
+    try:
+        if port is not None:
+            servers.append(
+                PageServer(hosts[0], port, outlets.page, language or "", outlets.background, names=hosts[1:])
+            )
+        if nmea_port is not None:
+            servers.append(serve_lines(hosts[0], nmea_port, outlets.lines))
+    except OSError as error:
+        raise UsageError("usage.live-port", port=port, nmea_port=nmea_port, error=error.strerror) from None
+    finally:
+        for server in servers:
+            closing.callback(server.shutdown)
+    return [server.thread for server in servers]
 
 
 def _opened(file: Path, outlets: "Outlets", stop: Event) -> OpenSession | None:

@@ -261,15 +261,102 @@ class BoundedServer(ThreadingMixIn, TCPServer):
             super().handle_error(request, client_address)
 
 
-def serve_page(
-    host: str,
-    port: int,
-    hub: Hub,
-    language: str,
-    background: BackgroundMap | None = None,
-    names: Sequence[str] = (),
-) -> BoundedServer:
-    """Serve page, stream and tiles in threads; readers change nothing.
+class LivePage(BaseHTTPRequestHandler):
+    """GET of the page, its script, its stream, and tiles."""
+
+    protocol_version = "HTTP/1.1"
+    timeout = WRITE_S
+    server: "PageServer"
+
+    def setup(self) -> None:
+        """Bound what is read."""
+        super().setup()
+        self.rfile = self._bounded = BoundedHead(self.connection.makefile("rb", buffering=0))
+        self._place = self.server.place_of(self.connection)
+
+    def handle_one_request(self) -> None:
+        """Read a request within a time and a size, and answer it."""
+        self._bounded.left_bytes = MAX_REQUEST_BYTES
+        self._place.expect(REQUEST_S)
+        super().handle_one_request()
+
+    def do_GET(self) -> None:
+        """One of the four."""
+        self._place.expect(PAGE_ANSWER_S)
+        path = self.path.partition("?")[0]
+        named = TILE.fullmatch(path)
+        refused = self._refused(path)
+        if refused is not None:
+            self._refuse(refused)
+        elif path == "/events":
+            self._stream()
+        elif path in self.server.served:
+            kind, content = self.server.served[path]
+            self._head(HTTPStatus.OK, kind, len(content))
+            self.wfile.write(content)
+        elif named is not None:  # of a map, most places have no tile: that is no error
+            tile = tile_of(self.server.background, *map(int, named.groups()))
+            status = HTTPStatus.OK if tile else HTTPStatus.NO_CONTENT
+            self._head(status, kind_of(tile) or "text/plain", len(tile), "max-age=86400")
+            self.wfile.write(tile)
+        else:
+            self._head(HTTPStatus.NOT_FOUND, "text/plain", 0)
+
+    def _refused(self, path: str) -> HTTPStatus | None:
+        """Why a request is none of a reader of the page; None if it is one."""
+        hosts = self.headers.get_all("Host") or []
+        origin = self.headers.get("Origin")
+        if len(hosts) != 1 or not self.server.own.include(hosts[0].strip()):
+            return HTTPStatus.MISDIRECTED_REQUEST
+        if self.headers.get("Transfer-Encoding") or self.headers.get("Content-Length", "0").strip() != "0":
+            return HTTPStatus.REQUEST_ENTITY_TOO_LARGE
+        if origin is not None and origin.partition("://")[2].lower() != hosts[0].strip().lower():
+            return HTTPStatus.FORBIDDEN
+        if path != "/" and self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
+            return HTTPStatus.FORBIDDEN
+        return None
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        text = WRONG_HOST if status is HTTPStatus.MISDIRECTED_REQUEST else b""
+        self.close_connection = True
+        self._head(status, "text/plain; charset=utf-8", len(text))
+        self.wfile.write(text)
+
+    def _head(self, status: HTTPStatus, kind: str, length: int | None, kept: str = "no-store") -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Cache-Control", kept)
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+        if length is None:
+            self.close_connection = True
+        else:
+            self.send_header("Content-Length", str(length))
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+
+    def _stream(self) -> None:
+        reader = self.server.hub.join(self.client_address[0], partial(closed, self.connection))
+        if reader is None:
+            self._head(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", 0)
+            return
+        try:
+            self._head(HTTPStatus.OK, "text/event-stream", None)
+            self.wfile.write(b"retry: 1000\n\n")
+            self._place.expect_nothing()
+            send_all(reader, self.connection, event("alive", None))
+        except OSError:  # the reader is gone
+            pass
+        finally:
+            self.server.hub.leave(reader)
+
+    def log_message(self, *_: object) -> None:
+        """Requests are not logged."""
+
+
+class PageServer(BoundedServer):
+    """Serves page, stream and tiles in threads; readers change nothing.
 
     Args:
         names: of this computer, besides its own.
@@ -277,107 +364,25 @@ def serve_page(
     Raises:
         OSError: if the port cannot be used.
     """
-    page = render(
-        "live.html", "script-src 'self'", "connect-src 'self'", "img-src 'self' data:", language=language
-    ).encode()
-    script = files("furrowmap.exporters.share").joinpath("live.js").read_bytes()
-    served = {"/": ("text/html; charset=utf-8", page), "/live.js": ("text/javascript; charset=utf-8", script)}
-    own = OwnHosts.of(host, names)
 
-    class LivePage(BaseHTTPRequestHandler):
-        """GET of the page, its script, its stream, and tiles."""
-
-        protocol_version = "HTTP/1.1"
-        timeout = WRITE_S
-
-        def setup(self) -> None:
-            """Bound what is read."""
-            super().setup()
-            self.rfile = self._bounded = BoundedHead(self.connection.makefile("rb", buffering=0))
-            assert isinstance(self.server, BoundedServer)
-            self._place = self.server.place_of(self.connection)
-
-        def handle_one_request(self) -> None:
-            """Read a request within a time and a size, and answer it."""
-            self._bounded.left_bytes = MAX_REQUEST_BYTES
-            self._place.expect(REQUEST_S)
-            super().handle_one_request()
-
-        def do_GET(self) -> None:
-            """One of the four."""
-            self._place.expect(PAGE_ANSWER_S)
-            path = self.path.partition("?")[0]
-            named = TILE.fullmatch(path)
-            refused = self._refused(path)
-            if refused is not None:
-                self._refuse(refused)
-            elif path == "/events":
-                self._stream()
-            elif path in served:
-                kind, content = served[path]
-                self._head(HTTPStatus.OK, kind, len(content))
-                self.wfile.write(content)
-            elif named is not None:  # of a map, most places have no tile: that is no error
-                tile = tile_of(background, *map(int, named.groups()))
-                status = HTTPStatus.OK if tile else HTTPStatus.NO_CONTENT
-                self._head(status, kind_of(tile) or "text/plain", len(tile), "max-age=86400")
-                self.wfile.write(tile)
-            else:
-                self._head(HTTPStatus.NOT_FOUND, "text/plain", 0)
-
-        def _refused(self, path: str) -> HTTPStatus | None:
-            """Why a request is none of a reader of the page; None if it is one."""
-            hosts = self.headers.get_all("Host") or []
-            origin = self.headers.get("Origin")
-            if len(hosts) != 1 or not own.include(hosts[0].strip()):
-                return HTTPStatus.MISDIRECTED_REQUEST
-            if self.headers.get("Transfer-Encoding") or self.headers.get("Content-Length", "0").strip() != "0":
-                return HTTPStatus.REQUEST_ENTITY_TOO_LARGE
-            if origin is not None and origin.partition("://")[2].lower() != hosts[0].strip().lower():
-                return HTTPStatus.FORBIDDEN
-            if path != "/" and self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
-                return HTTPStatus.FORBIDDEN
-            return None
-
-        def _refuse(self, status: HTTPStatus) -> None:
-            text = WRONG_HOST if status is HTTPStatus.MISDIRECTED_REQUEST else b""
-            self.close_connection = True
-            self._head(status, "text/plain; charset=utf-8", len(text))
-            self.wfile.write(text)
-
-        def _head(self, status: HTTPStatus, kind: str, length: int | None, kept: str = "no-store") -> None:
-            self.send_response(status)
-            self.send_header("Content-Type", kind)
-            self.send_header("Cache-Control", kept)
-            self.send_header("X-Content-Type-Options", "nosniff")
-            self.send_header("Cross-Origin-Resource-Policy", "same-origin")
-            if length is None:
-                self.close_connection = True
-            else:
-                self.send_header("Content-Length", str(length))
-            if self.close_connection:
-                self.send_header("Connection", "close")
-            self.end_headers()
-
-        def _stream(self) -> None:
-            reader = hub.join(self.client_address[0], partial(closed, self.connection))
-            if reader is None:
-                self._head(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", 0)
-                return
-            try:
-                self._head(HTTPStatus.OK, "text/event-stream", None)
-                self.wfile.write(b"retry: 1000\n\n")
-                self._place.expect_nothing()
-                send_all(reader, self.connection, event("alive", None))
-            except OSError:  # the reader is gone
-                pass
-            finally:
-                hub.leave(reader)
-
-        def log_message(self, *_: object) -> None:
-            """Requests are not logged."""
-
-    return BoundedServer(host, port, LivePage, Places(MAX_CONNECTIONS, MAX_OF_ADDRESS), "page", hub.places)
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        hub: Hub,
+        language: str,
+        background: BackgroundMap | None = None,
+        names: Sequence[str] = (),
+    ) -> None:
+        page = render(
+            "live.html", "script-src 'self'", "connect-src 'self'", "img-src 'self' data:", language=language
+        ).encode()
+        script = files("furrowmap.exporters.share").joinpath("live.js").read_bytes()
+        self.served = {"/": ("text/html; charset=utf-8", page), "/live.js": ("text/javascript; charset=utf-8", script)}
+        self.own = OwnHosts.of(host, names)
+        self.hub = hub
+        self.background = background
+        super().__init__(host, port, LivePage, Places(MAX_CONNECTIONS, MAX_OF_ADDRESS), "page", hub.places)
 
 
 def tile_of(background: BackgroundMap | None, zoom: int, column: int, row: int) -> bytes:

@@ -28,7 +28,7 @@ from furrowmap.workflows.live.hosts import OwnHosts
 from furrowmap.workflows.live.live import LiveLog, thread_fault
 from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.places import Places
-from furrowmap.workflows.live.server import Hub, event, serve_lines, serve_page
+from furrowmap.workflows.live.server import Hub, PageServer, event, serve_lines
 from furrowmap.workflows.record.network import PCAP_HEAD
 from tests.app.obstacles import OBSTACLES, obstacle
 
@@ -39,7 +39,7 @@ STREAM = b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
 
 @contextmanager
 def page(hub: Hub, host: str = "0.0.0.0", names: tuple[str, ...] = ()) -> Iterator[int]:
-    server = serve_page(host, 0, hub, "", None, names)
+    server = PageServer(host, 0, hub, "", None, names)
     yield int(server.server_address[1])
     server.shutdown()
     server.server_close()
@@ -286,7 +286,7 @@ def kill(thread: SupervisedThread) -> None:
 def test_promise_26__servers_whose_threads_are_killed_serve_again() -> None:
     lines = Hub()
     for server, works in (
-        (serve_page("127.0.0.1", 0, Hub(), ""), answered),
+        (PageServer("127.0.0.1", 0, Hub(), ""), answered),
         (serve_lines("127.0.0.1", 0, lines), lambda port: bool(connected(port, "127.0.0.1")) and lines.readers > 0),
     ):
         port = int(server.server_address[1])

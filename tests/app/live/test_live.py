@@ -36,7 +36,7 @@ from furrowmap.core.work.worked_cells import TILE_CELLS, WORKED, WorkedCells
 from furrowmap.workflows.live.feeds import FolderFeed
 from furrowmap.workflows.live.live import Outlets, in_languages
 from furrowmap.workflows.live.nmea import sentences
-from furrowmap.workflows.live.server import QUEUED_MESSAGES, Hub, Pictures, event, serve_lines, serve_page
+from furrowmap.workflows.live.server import QUEUED_MESSAGES, Hub, PageServer, Pictures, event, serve_lines
 from furrowmap.workflows.record.network import PCAP_HEAD, PCAP_RECORD
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def events(answer: HTTPResponse) -> Iterator[tuple[str, Any]]:
 
 @contextmanager
 def page(hub: Hub) -> Iterator[HTTPConnection]:
-    server = serve_page("127.0.0.1", 0, hub, "")
+    server = PageServer("127.0.0.1", 0, hub, "")
     reader = HTTPConnection("127.0.0.1", server.server_address[1], timeout=20)
     yield reader
     reader.close()
@@ -143,7 +143,7 @@ def test_page__connects_again_where_the_link_was_cut_without_an_end_of_the_conne
         joined.append(time.monotonic())
         return event("alive", None)
 
-    server = serve_page("127.0.0.1", 0, Hub(first), "en")
+    server = PageServer("127.0.0.1", 0, Hub(first), "en")
     reader = browser.new_page()
     reader.clock.install()
     reader.goto(f"http://127.0.0.1:{server.server_address[1]}/")

@@ -17,7 +17,7 @@ from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.values.session import Crs
 from furrowmap.workflows.live.background import BackgroundMap, open_background
 from furrowmap.workflows.live.mqtt import MqttOutlet
-from furrowmap.workflows.live.server import Hub, serve_page
+from furrowmap.workflows.live.server import Hub, PageServer
 
 from .map_tiles import TILE, image, mbtiles, pmtiles
 
@@ -27,7 +27,7 @@ def test_background__tiles_are_served_as_they_are(make: object, tmp_path: Path) 
     assert callable(make)
     background = open_background(make(tmp_path / "map"))
     assert (background.zooms, background.attribution) == ((17, 17), "The Survey")
-    server = serve_page("127.0.0.1", 0, Hub(), "", background)
+    server = PageServer("127.0.0.1", 0, Hub(), "", background)
     reader = HTTPConnection("127.0.0.1", server.server_address[1], timeout=20)
     for place, status in ((TILE, 200), ((17, TILE[1], TILE[2] + 1), 204), ((31, 1, 1), 204), ((3, 9, 9), 204)):
         reader.request("GET", "/tiles/" + "/".join(map(str, place)))
