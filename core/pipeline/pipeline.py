@@ -568,7 +568,7 @@ def preview(opened: OpenSession, open_sink: OpenSink, progress: Progress = silen
         placement = place_scans(scans, placer, standing=True, sink=sink, classify=classifier(None))
         refuse_empty(placement, located.trajectory, session)
         clocks = lidar.clocks
-        assumed = [*mount_notices, *session_notices(session, located, matched=False)]
+        assumed = [*lidar.notices, *mount_notices, *session_notices(session, located, matched=False)]
     else:
         located = located_without_lidar(positions, session, opened.frame, companions(opened))
         placement, assumed = Placement.without_scans(located.trajectory), []

@@ -15,12 +15,14 @@ from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import binary_kind
+from furrowmap.core.runtime.memory import expect_rows
 
 TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
 """Columns of time, the preferred one first, and their time scales."""
 CSV_CHUNK_BYTES: Final = 1 << 23
 MAX_HEADER_BYTES: Final = 4096
 MAX_TAIL_BYTES: Final = 8192
+LONGEST_LINE_BYTES: Final = 1 << 24
 COMPARED_LINES: Final = 8
 """Lines that the last one is compared with."""
 _POSITION_NAME: Final = re.compile(
@@ -59,7 +61,8 @@ TIME_COLUMN: Final = Column(dict.fromkeys(TIMES, 1.0))
 class CsvFile(Source):
     """An open CSV file whose header has been read; comma, semicolon or tab separates fields.
 
-    InputError if it is no text. Notices that the file is cut, or that rows are dropped, are added while rows are read.
+    InputError if it is no text, or has a line without an end. Notices that the file is cut, or that rows are dropped,
+    are added while rows are read.
     """
 
     def __init__(self, path: Path, notices: list[Notice]) -> None:
@@ -97,7 +100,12 @@ class CsvFile(Source):
         """
         self.require(schema, missing_key)
         found = [self.find(column.names) for column in schema]
-        rows: FloatArray = np.concatenate([np.empty((0, len(schema))), *self.pieces(schema)])
+        parts, row_bytes = [np.empty((0, len(schema)))], 0
+        for piece in self.pieces(schema):
+            parts.append(piece)
+            row_bytes += piece.nbytes
+            expect_rows(self.path, self.size_bytes, row_bytes)
+        rows: FloatArray = np.concatenate(parts)
         whole = np.ones(len(rows), np.bool_)
         for k, (column, name) in enumerate(zip(schema, found, strict=True)):
             if name and not column.sparse:
@@ -152,6 +160,8 @@ class CsvFile(Source):
             if end and not first:
                 yield rest[:end]
                 tail, rest = rest[max(0, end - MAX_TAIL_BYTES) : end], rest[end:]
+            if len(rest) > LONGEST_LINE_BYTES:
+                raise InputError("not-a-table.line", path=self.path, most_mb=LONGEST_LINE_BYTES / 1e6)
         if not rest.strip() or self.fault:
             return
         if is_whole(rest, tail.splitlines()):

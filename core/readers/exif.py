@@ -22,6 +22,7 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out
+from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.values.images import ImageFile, Images, RawLayout, StoredImage
 
 FILES: Final = ("file", "image", "filename", "name")
@@ -224,6 +225,8 @@ def read_pixels(path: ImageFile, reduction: int) -> NDArray[np.uint8]:
             warnings.simplefilter("ignore")
             with _opened(path) as image:
                 width, height = image.size
+                if not isinstance(path, StoredImage):
+                    expect_growth(path, path.stat().st_size, 3 * width * height)
                 pixels = image.convert("RGB") if width * height <= MAX_PIXELS else None
                 if pixels is not None and reduction > 1:
                     whole = (width // reduction * reduction, height // reduction * reduction)

@@ -52,6 +52,8 @@ _NAMES: Final = {
     50: "INS RMS", 57: "radio",
 }  # fmt: skip
 _STX, _ETX, _GENOUT = b"\x02", 0x03, 0x40
+_KEPT_RECORD_BYTES: Final = 200
+"""Memory of a record that is kept."""
 _PACKET_BYTES: Final = 6
 """Of a packet without content."""
 _NEW, _HORIZONTAL = 1, 4
@@ -124,6 +126,7 @@ class _Scanner:
                     continue
                 self.counts.kinds[_NAMES.get(kind, f"record {kind}")] += 1
                 if layout:
+                    self.counts.row_bytes += _KEPT_RECORD_BYTES
                     self.found[kind].append((at, record[: layout.itemsize]))
 
     def messages(self, kind: int) -> Messages:

@@ -16,6 +16,7 @@ from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.iteration import concluded
 from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
 MAX_RANGE_M: Final = 2000.0
@@ -101,13 +102,20 @@ class LineCsv(FileReader):
         the stated unit.
         """
         self.notices.clear()
-        self.counts = counts = _LineCounts()
+        self.counts = _LineCounts()
+        yield from concluded(self._all_sweeps(), self._conclude)
+
+    def _all_sweeps(self) -> Iterator[Scan]:
         for i, path in enumerate(self.paths):
             with CsvFile(path, self.notices) as file:
                 file.require(LINE_SCHEMA, "missing-column.line")
                 for scan in self._sweeps(file):
                     self.share_read = (i + file.share_read) / len(self.paths)
                     yield scan
+
+    def _conclude(self) -> None:
+        """Set notices and clocks to what was read; InputError if it is implausible."""
+        counts = self.counts
         name = str(self.paths[0])
         if counts.far > counts.points:
             raise mostly_invalid(name, counts.far, counts.far + counts.points)

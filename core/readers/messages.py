@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.memory import expect_rows
 
 FLETCHER, CRC = 0, 1
 """Checksums: Fletcher's of 8 bits (RFC 1145), which ends a frame and covers all behind its synchronisation; CRC-CCITT
@@ -242,7 +243,10 @@ Kind = TypeVar("Kind")
 
 @dataclass
 class MessageCounts(Generic[Kind]):
-    """Counts over a stream: messages by kind, those with a wrong checksum or length, bytes of no known protocol."""
+    """Counts over a stream: messages by kind, those with a wrong checksum or length, bytes of no known protocol.
+
+    `row_bytes` is the memory of what is kept of the messages, if that is more than their own bytes.
+    """
 
     kinds: Counter[Kind] = field(default_factory=Counter)
     bad: int = 0
@@ -250,6 +254,7 @@ class MessageCounts(Generic[Kind]):
     message_bytes: int = 0
     stream_bytes: int = 0
     foreign_bytes: int = 0
+    row_bytes: int = 0
 
     @property
     def intact(self) -> int:
@@ -327,13 +332,18 @@ def scan_stream(source: Source, counts: MessageCounts[Any], scan: Callable[[byte
 
     `scan` is called with the bytes that are not done with, their offset in all streams, and whether the stream ends
     with them; it returns how many of them are done with.
+
+    RefusedError if what is kept of the messages takes implausibly much memory for the size of the file.
     """
     base, rest = counts.stream_bytes, b""
+    kept_before = max(counts.row_bytes, counts.message_bytes)
     while True:
         block = source.read(MESSAGE_CHUNK_BYTES)
         counts.stream_bytes += len(block)
         piece = rest + block
         used = scan(piece, base, not block)
+        kept = max(counts.row_bytes, counts.message_bytes) - kept_before
+        expect_rows(source.path, source.size_bytes, kept)
         if not block:
             return
         base += used

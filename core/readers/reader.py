@@ -7,7 +7,7 @@ The reader of a sensor or format is one class with `format`, `title`, `recognise
 
 import importlib.metadata
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -79,7 +79,8 @@ class Reader(Protocol):
     Attributes:
         format: short name, such as "velodyne-pcap".
         title: name for people, such as "Velodyne packets in a PCAP capture".
-        notices: what is unusual, missing or damaged; complete when reading has ended.
+        notices: what is unusual, missing or damaged; complete when reading has ended. Where scans are not taken to
+            their end, it is what was found up to there.
     """
 
     format: ClassVar[str]
@@ -114,6 +115,10 @@ class FileReader:
         """The files, for messages."""
         return recording_name(self.paths)
 
+    def as_read(self, notices: Iterable[Notice]) -> list[Notice]:
+        """Those that are about the recording: between glances at it there are pauses, which are none of its own."""
+        return [notice for notice in notices if self.options.glance_s is None or notice.code != "pauses"]
+
 
 def recording_name(paths: Sequence[Path]) -> str:
     """The name of a recording of one or more files, for messages."""
@@ -134,7 +139,10 @@ class GivesScans(Reader, Protocol):
     share_read: float
 
     def scans(self) -> Iterator[Scan]:
-        """The scans in the order of time, streamed; numbered from 0 across all files."""
+        """The scans in the order of time, streamed; numbered from 0 across all files.
+
+        A generator that is closed before its end sets `notices` and `clocks` all the same (`runtime.iteration`).
+        """
         ...
 
 

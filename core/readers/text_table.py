@@ -1,17 +1,18 @@
 """Tables by survey software and spreadsheets (text, xlsx, xls, ods): encodings, separators, decimal commas."""
 
 import csv
-import datetime as dt
 import re
 import zipfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from furrowmap.core.readers.las.decoder import Decoder, Undecodable
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_signatures import binary_kind
@@ -58,10 +59,15 @@ def unpacked_layer(path: Path, folder: Path) -> Path:
 
 
 MAX_SHEET_BYTES: Final = 20_000_000
+_MOST_SHEET_TEXT: Final = 1 << 26
+"""Bytes of the cells, as JSON."""
 _OLE: Final = b"\xd0\xcf\x11\xe0"
 """The first bytes of an xls."""
 _BYTES_PER_UNPACKED: Final = 40
 """Bytes of memory for each byte of an unpacked sheet, at most."""
+_MOST_CELLS: Final = 1_000_000
+_PADDED_TIMES: Final = 10
+"""Cells of short rows that are filled up, and those for each cell that is there."""
 _ENCODINGS: Final = ("utf-8-sig", "cp932")
 """Without a byte order mark: UTF-8, or Shift-JIS from Japanese spreadsheets."""
 _SEPARATORS: Final = ",;\t"
@@ -159,6 +165,8 @@ def _reason(error: ValueError | OSError) -> str:
 def _table_of(rows: list[list[str]], lines: list[int], *, decimal_comma: bool) -> TextTable:
     """The rows below the first, which has the names of the columns."""
     names = [_UNIT.sub("", cell.strip()).casefold() for cell in rows[0]]
+    if len(names) * len(rows) > _MOST_CELLS + _PADDED_TIMES * sum(map(len, rows)):
+        raise ValueError(f"it has {len(names):,} columns, of which most rows have only the first")
     body = [[*row, *[""] * (len(names) - len(row))] for row in rows[1:]]
     columns = {name: [row[k] for row in body] for k, name in enumerate(names) if name}
     return TextTable(columns, lines, decimal_comma)
@@ -199,24 +207,13 @@ def _decoded(content: bytes) -> str:
 
 
 def _sheet_rows(path: Path) -> list[list[str]]:
+    """The first sheet, read in a process that may die of it: a library panics on damage, or takes all memory."""
+    if find_spec("python_calamine") is None:
+        raise InputError("extra-missing.rows", path=path)
+    process = Decoder()
     try:
-        from python_calamine import CalamineWorkbook
-    except ImportError:
-        raise InputError("extra-missing.rows", path=path) from None
-    try:
-        sheet = CalamineWorkbook.from_path(path).get_sheet_by_index(0)
-        return [[_cell_text(cell) for cell in row] for row in sheet.to_python()]
-    except (KeyboardInterrupt, SystemExit, MemoryError):
-        raise
-    except BaseException as error:  # noqa: BLE001 the library panics on damage, and its panic is no Exception
+        return process.sheet(path, _MOST_SHEET_TEXT)
+    except Undecodable as error:
         raise ValueError(f"it is a damaged or locked spreadsheet ({str(error)[:100]})") from None
-
-
-def _cell_text(cell: Any) -> str:
-    if isinstance(cell, dt.datetime):
-        return cell.date().isoformat() if cell.time() == dt.time() else cell.isoformat()
-    if isinstance(cell, dt.date):
-        return cell.isoformat()
-    if isinstance(cell, float) and cell.is_integer() and abs(cell) < 1e15:
-        return str(int(cell))
-    return str(cell)
+    finally:
+        process.close()

@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Final, TypeVar
 
 from furrowmap.core.runtime.errors import Cancelled
+from furrowmap.core.runtime.iteration import close
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.runtime.settings import threads
 
@@ -37,7 +38,7 @@ def ahead(items: Iterator[Item], depth: int) -> Iterator[Item]:
     """`items` in their order, up to `depth` of them computed ahead in a background thread.
 
     It is useful if computing them releases the interpreter's lock, as decompression and kernels do. An exception of
-    `items` is raised here; when the caller stops early, the thread ends after its current item.
+    `items` is raised here; when the caller stops early, `items` are closed after the current one.
     """
     ready: queue.Queue[Item | _Finished] = queue.Queue(depth)
     stopped = threading.Event()
@@ -55,6 +56,7 @@ def ahead(items: Iterator[Item], depth: int) -> Iterator[Item]:
             for item in items:
                 put(item)
                 if stopped.is_set():
+                    close(items)
                     return
         except BaseException as error:  # noqa: BLE001 (raised again where the items are used)
             put(_Finished(error))

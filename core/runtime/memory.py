@@ -35,6 +35,25 @@ def expect_growth(what: str | Path, packed_bytes: int, unpacked_bytes: int) -> N
         )
 
 
+_WORKED_TIMES: Final = 4
+"""Times the memory of a log's rows that its reader takes at most: joined, sorted and selected ones beside them."""
+
+
+def expect_rows(what: str | Path, packed_bytes: int, row_bytes: int) -> None:
+    """Raises RefusedError for a log whose rows take implausibly much memory for its file.
+
+    Args:
+        packed_bytes: size of the file.
+        row_bytes: memory of the rows that have been read from it.
+    """
+    worked_bytes = _WORKED_TIMES * row_bytes
+    if worked_bytes > FREE_BYTES + MAX_GROWTH * packed_bytes and not allows("large"):
+        needed = size_text(worked_bytes)
+        raise RefusedError(
+            "too-large.rows", what=what, packed=size_text(packed_bytes), needed=needed, growth=MAX_GROWTH
+        )
+
+
 def expect_memory(what: str | Path, needed_bytes: int) -> None:
     """Raises RefusedError for content that takes more than half of the free memory, unless the user allows it."""
     if needed_bytes > FREE_BYTES:

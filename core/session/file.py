@@ -52,12 +52,22 @@ MAX_IMPLEMENTS: Final = 3
 """Implements of one machine: in front, between the axles, behind."""
 MAX_LIDARS: Final = 4
 """Scanners of one machine: one on each side."""
+MAX_TOML_LENGTH: Final = 4_000_000
+_LONG_KEY: Final = re.compile(r"""(?<![\w"'.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){32}""")
+"""A key of more than 32 parts; it cannot go back, so that the time grows with the length alone."""
 MAX_TOML_INTEGER: Final = 2**63
 """Integers have 64 bits (TOML 1.0.0, "Integer")."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The content of a TOML text; TOMLDecodeError also for integers of more than 64 bits, and deep nesting."""
+    """The content of a TOML text; TOMLDecodeError also for integers of more than 64 bits, and what nobody writes.
+
+    That are megabytes, deep nesting, and keys of many parts, for which the time grows with the square of their number.
+    """
+    if len(text) > MAX_TOML_LENGTH:
+        raise tomllib.TOMLDecodeError(f"it has more than {MAX_TOML_LENGTH:,} characters")
+    if _LONG_KEY.search(text) is not None:
+        raise tomllib.TOMLDecodeError("a key has too many parts")
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
@@ -72,7 +82,11 @@ def parse_toml(text: str) -> dict[str, Any]:
             return any(map(has_huge, value.values() if isinstance(value, dict) else value))
         return isinstance(value, int) and not -MAX_TOML_INTEGER <= value < MAX_TOML_INTEGER
 
-    if has_huge(data):
+    try:
+        huge = has_huge(data)
+    except RecursionError:  # of tables that are nested by the parts of their keys
+        raise tomllib.TOMLDecodeError("it is nested too deeply") from None
+    if huge:
         raise tomllib.TOMLDecodeError("an integer has more than 64 bits")
     return data
 

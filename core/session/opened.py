@@ -143,10 +143,7 @@ class LidarRecording:
 
     def scans(self) -> Iterator[Scan]:
         """All scans in time order; `notices` and `clocks` are complete when they have ended."""
-        scans = self._reader.scans()
-        if self._minus_gnss_s:
-            scans = (replace(scan, t_s=scan.t_s - self._minus_gnss_s) for scan in scans)
-        return scans_within(scans, self._span_s)
+        return scans_within(self._reader.scans(), self._span_s, self._minus_gnss_s)
 
     def ahead_by(self, offset_s: float) -> "LidarRecording":
         """The recording of a clock that is ahead by so much more."""

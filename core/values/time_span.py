@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.iteration import close
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import GnssTrack
@@ -22,15 +23,22 @@ Span = tuple[float, float]
 WHOLE_SPAN: Final[Span] = (-math.inf, math.inf)
 
 
-def scans_within(scans: Iterator[Scan], span_s: Span) -> Iterator[Scan]:
-    """The returns of scans in a span; what follows its end is not read."""
-    if span_s == WHOLE_SPAN:
-        yield from scans
-        return
+def scans_within(scans: Iterator[Scan], span_s: Span, minus_s: float = 0.0) -> Iterator[Scan]:
+    """The returns of scans in a span, by their times less `minus_s`.
+
+    What follows the end of the span is not read: the scans are closed there, so that their reader says what it found up
+    to there, and raises what it raises at the end of its files.
+    """
     for scan in scans:
+        if minus_s:
+            scan = replace(scan, t_s=scan.t_s - minus_s)
+        if span_s == WHOLE_SPAN:
+            yield scan
+            continue
         if not len(scan) or scan.t_s[-1] < span_s[0]:
             continue
         if scan.t_s[0] > span_s[1]:
+            close(scans)
             return
         inside = (scan.t_s >= span_s[0]) & (scan.t_s <= span_s[1])
         yield scan if inside.all() else replace(scan[inside], whole=False)

@@ -5,6 +5,7 @@ ISO 11783-10:2015, annex D, names the elements of TASKDATA.XML by three letters 
 
 import stat
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -254,18 +255,30 @@ def read_content(files: TaskFiles) -> TaskData:
 
 
 def _items(files: TaskFiles, root: Element, notices: list[Notice]) -> Iterator[Element]:
-    """The elements of the main file, with external files in place of the references to them."""
+    """The elements of the main file, with external files in place of the references to them; each is read once."""
+    read: Counter[str] = Counter()
     for item in root.children:
         if item.tag != "XFR":
             yield item
             continue
         name = f"{item.get('A')}.XML"
+        read[name] += 1
+        if read[name] > 1:
+            continue
         try:
             external = parse_xml(files.read(name), files.named(name))
         except InputError as error:
             notices.append(Notice("external-file-lost", lines=error.lines[0]))
             continue
         yield from external.children if external.tag == EXTERNAL else ()
+    notices += named_again(read)
+
+
+def named_again(read: Counter[str]) -> list[Notice]:
+    """A notice of files that are named more than once: a hostile set of files names one thousands of times."""
+    again = [name for name, times in read.items() if times > 1]
+    names = ", ".join(again[:3]) + ", …" * (len(again) > 3)
+    return [Notice("file-named-again", names=names)] if again else []
 
 
 _T = TypeVar("_T", Partfield, DeviceElement)

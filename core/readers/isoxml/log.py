@@ -4,9 +4,10 @@ The tasks of a set become drives: logs joined, times in UTC, working states, wid
 """
 
 import datetime as dt
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Final
 
@@ -24,6 +25,7 @@ from furrowmap.core.readers.isoxml.content import (
     TaskData,
     TaskFiles,
     is_task_data,
+    named_again,
     open_task_files,
     read_content,
 )
@@ -190,13 +192,19 @@ def read_tasks(files: TaskFiles, only: str | None = None) -> tuple[TaskData, lis
     if only is not None and not wanted:
         known = ", ".join(f"{task.id} ({task.name})" for task in content.tasks) or "none"
         raise InputError("no-such-task", files=files.path, only=only, known=known)
-    return content, [_read_task(files, content, task) for task in wanted if task.logs]
+    read: Counter[str] = Counter()
+    tasks = [_read_task(files, content, task, read) for task in wanted if task.logs]
+    return replace(content, notices=(*content.notices, *named_again(read))), tasks
 
 
-def _read_task(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
+def _read_task(files: TaskFiles, content: TaskData, task: Task, read: Counter[str]) -> LoggedTask:
+    """The task's logs, without those that were `read` for it or another task before."""
     notices: list[Notice] = []
     logs = []
     for name in task.logs:
+        read[name.upper()] += 1
+        if read[name.upper()] > 1:
+            continue
         try:
             log = read_time_log(files.read(f"{name}.XML"), files.read(f"{name}.BIN"), files.named(name))
         except InputError as error:

@@ -11,7 +11,7 @@ MAX_LEVELS: Final = 64
 MAX_ELEMENTS: Final = 5_000_000
 
 
-@dataclass
+@dataclass(slots=True)
 class Element:
     """An element, its attributes, its children in their order, and the text directly in it (task data have none)."""
 
@@ -37,6 +37,7 @@ def parse_xml(data: bytes, name: str) -> Element:
     """
     document = Element("", {})
     path = [document]
+    texts: list[list[str]] = [[]]
     count = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -47,10 +48,14 @@ def parse_xml(data: bytes, name: str) -> Element:
             raise InputError("xml-hostile", name=name, what=what)
         path[-1].children.append(Element(tag, attributes))
         path.append(path[-1].children[-1])
+        texts.append([])
+
+    def end(_: str) -> None:
+        path.pop().text = "".join(texts.pop())
 
     def add_text(text: str) -> None:
         if not text.isspace():
-            path[-1].text += text
+            texts[-1].append(text)
 
     def refuse_doctype(*_: object) -> None:
         what = "a document type, which can refer to other files and expand without limit"
@@ -58,7 +63,7 @@ def parse_xml(data: bytes, name: str) -> Element:
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = start
-    parser.EndElementHandler = lambda _: path.pop()
+    parser.EndElementHandler = end
     parser.CharacterDataHandler = add_text
     parser.buffer_text = True
     parser.StartDoctypeDeclHandler = refuse_doctype

@@ -6,7 +6,9 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock, Timer
@@ -40,14 +42,28 @@ class Decoder:
 
         `order` is what is decoded; see :mod:`~furrowmap.core.readers.las.decoding`.
         """
-        line = json.dumps({**order, "size": size}).encode() + b"\n"
+        return self._ask({**order, "size": size}, size, partial(_points, size))
+
+    def sheet(self, path: Path, most_bytes: int) -> list[list[str]]:
+        """The rows of the first sheet of a spreadsheet; Undecodable if it is damaged, or has more text than that."""
+        place = find_spec("python_calamine")
+        assert place is not None
+        assert place.origin is not None
+        order = {"what": "sheet", "path": str(path.absolute()), "site": str(Path(place.origin).parents[1])}
+        rows: list[list[str]] = json.loads(self._ask(order, path.stat().st_size, partial(_text, most_bytes)).tobytes())
+        return rows
+
+    def _ask(
+        self, order: dict[str, Any], size: int, answer: Callable[[IO[bytes], int], NDArray[np.uint8]]
+    ) -> NDArray[np.uint8]:
+        line = json.dumps(order).encode() + b"\n"
         with self._lock:
             process = self._start()
             longest_s, began_s = MIN_ORDER_S + size / MIN_BYTES_PER_S, time.monotonic()
             late = Timer(longest_s, process.kill)
             late.start()
             try:
-                return _answer(process, line, size)
+                return _answer(process, line, answer)
             except Undecodable:
                 raise
             except BaseException as error:
@@ -106,16 +122,29 @@ DECODER: Final = Decoder()
 atexit.register(DECODER.close)
 
 
-def _answer(process: subprocess.Popen[bytes], line: bytes, size: int) -> NDArray[np.uint8]:
+def _answer(
+    process: subprocess.Popen[bytes], line: bytes, answer: Callable[[IO[bytes], int], NDArray[np.uint8]]
+) -> NDArray[np.uint8]:
     assert process.stdin is not None
     assert process.stdout is not None
     process.stdin.write(line)
     process.stdin.flush()
     (length,) = decoding.LENGTH.unpack(_exactly(process.stdout, decoding.LENGTH.size).tobytes())
+    if length < 0:
+        raise Undecodable(bytes(_exactly(process.stdout, -length)).decode("utf-8", "replace"))
+    return answer(process.stdout, length)
+
+
+def _points(size: int, pipe: IO[bytes], length: int) -> NDArray[np.uint8]:
     if length != size:
-        reason = bytes(_exactly(process.stdout, -length)) if length < 0 else b"too few points"
-        raise Undecodable(reason.decode("utf-8", "replace"))
-    return _exactly(process.stdout, size)
+        raise Undecodable("too few points")
+    return _exactly(pipe, size)
+
+
+def _text(most_bytes: int, pipe: IO[bytes], length: int) -> NDArray[np.uint8]:
+    if length > most_bytes:
+        raise EOFError  # the rest of the answer is not read: the process ends
+    return _exactly(pipe, length)
 
 
 def _exactly(pipe: IO[bytes], size: int) -> NDArray[np.uint8]:

@@ -1,12 +1,13 @@
-"""The process that decodes compressed points: a program that imports only lazrs, and starts within 30 ms.
+"""The process that decodes compressed points, and spreadsheets: a program that imports little, and starts in 30 ms.
 
 lazrs (0.8.2) decodes GPS times by recursion, as deep as the data demand: a damaged chunk overflows the stack, which
 ends the process. So the process is one that may end; :mod:`furrowmap.core.readers.las.decoder` starts it again.
 
 It reads orders from standard input, one JSON object per line: ``chunks`` (``path``, ``begin``, ``bytes``, ``vlr``,
-``table`` of points and bytes, ``size`` of the result), ``stream`` (``path``, ``offset``, ``vlr``, ``size``), and
-``more`` (``size``), which continues the stream. It answers with 8 bytes n (a signed integer) and n bytes of points; a
-negative n announces -n bytes of text that say why there are none.
+``table`` of points and bytes, ``size`` of the result), ``stream`` (``path``, ``offset``, ``vlr``, ``size``),
+``more`` (``size``), which continues the stream, and ``sheet`` (``path``, ``site``), the first of a spreadsheet, whose
+cells calamine expands to a rectangle however far apart they are. It answers with 8 bytes n (a signed integer) and n
+bytes of points, or of a JSON list of rows of texts; a negative n announces -n bytes that say why there are none.
 """
 
 import json
@@ -37,10 +38,13 @@ def main() -> None:
         try:
             if order["what"] == "stream":
                 stream = _stream(order)
-            if len(held) < order["size"]:
-                held = bytearray(order["size"])
-            rest = memoryview(held)[: order["size"]]
-            if order["what"] == "chunks":
+            size = 0 if order["what"] == "sheet" else order["size"]
+            if len(held) < size:
+                held = bytearray(size)
+            rest = memoryview(held)[:size]
+            if order["what"] == "sheet":
+                rest = memoryview(_sheet(order))
+            elif order["what"] == "chunks":
                 import lazrs
 
                 with open(order["path"], "rb") as file:  # noqa: PTH123 (pathlib takes as long to import as lazrs)
@@ -81,6 +85,26 @@ else:
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
+
+
+def _sheet(order: dict[str, Any]) -> bytes:
+    sys.path.append(order["site"])
+    from python_calamine import CalamineWorkbook
+
+    sheet = CalamineWorkbook.from_path(order["path"]).get_sheet_by_index(0)
+    return json.dumps([[_cell_text(cell) for cell in row] for row in sheet.to_python()]).encode()
+
+
+def _cell_text(cell: Any) -> str:
+    import datetime as dt
+
+    if isinstance(cell, dt.datetime):
+        return cell.date().isoformat() if cell.time() == dt.time() else cell.isoformat()
+    if isinstance(cell, dt.date):
+        return cell.isoformat()
+    if isinstance(cell, float) and cell.is_integer() and abs(cell) < 1e15:
+        return str(int(cell))
+    return str(cell)
 
 
 def _stream(order: dict[str, Any]) -> Any:

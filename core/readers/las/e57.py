@@ -20,15 +20,23 @@ from furrowmap.core.runtime.kernels import kernel
 _HEADER: Final = struct.Struct("<8sIIQQQQ")
 _CHECKSUM_BYTES: Final = 4
 _MAX_XML_BYTES: Final = 1 << 27
-_MAX_PLACE: Final = 1 << 43
 _BLOCK_BYTES: Final = 1 << 22
 """Of packets that are decoded together."""
 _WORD_BITS: Final = 56
 """Widest packed integer that is read, besides those of 64 bits, which begin at bytes."""
+_BLOCK_POINTS: Final = 1 << 19
+"""Points of a block at most: of a packed field a block of bytes may hold eight times as many."""
+_MAX_FIELDS: Final = 1000
 _PLACE: Final = [*((axis, "f8") for axis in "xyz"), ("intensity", "u2")]
 _COLOURS: Final = [(colour, "u2") for colour in ("red", "green", "blue")]
 _SCALED: Final = {"intensity": "intensity", "colorRed": "red", "colorGreen": "green", "colorBlue": "blue"}
 """Fields whose limits become those of 16 bits."""
+_USED: Final = {
+    *(f"cartesian{name}" for name in ("X", "Y", "Z", "InvalidState")),
+    *(f"spherical{name}" for name in ("Range", "Azimuth", "Elevation", "InvalidState")),
+    *_SCALED,
+}
+"""Fields that are read."""
 _E57_FAULTS: Final = (struct.error, ValueError, KeyError, IndexError, OverflowError)
 
 
@@ -100,7 +108,14 @@ class _Scan:
         if count < 0 or not np.isfinite(pose).all():
             raise ValueError(f"a scan has {count} points, or an invalid pose")
         fields = tuple(_PackedField.of(each) for each in _child(points, "prototype").children)
+        if len({field.name for field in fields}) < len(fields) or len(fields) > _MAX_FIELDS:
+            raise ValueError(f"a point has {len(fields)} fields, or two of the same name")
         return cls(_logical(place, page_bytes), count, fields, limits, pose)
+
+    @property
+    def point_bits(self) -> int:
+        """Bits of a point."""
+        return sum(field.bits for field in self.fields)
 
     def rows(self, column: dict[str, FloatArray], row: np.dtype[np.void]) -> NDArray[np.void]:
         """Points (n,) of values by the names of their fields; nan without coordinates."""
@@ -135,9 +150,10 @@ class E57Points(PointTable):
     def batches(self, path: Path, points: int, batch_points: int) -> Iterator[CloudBatch]:  # noqa: ARG002
         """The points in order, some millions of bytes at a time; InputError if a page or a packet is damaged."""
         with path.open("rb") as file:
+            pages = _Pages(file, self.page_bytes)
             for scan in self.scans:
                 try:
-                    for column in _columns(file, self.page_bytes, scan):
+                    for column in _columns(pages, scan):
                         yield batch_of_rows(scan.rows(column, self.row))
                 except _E57_FAULTS as error:
                     raise InputError("points-damaged.e57", path=path, reason=str(error)[:100]) from None
@@ -150,11 +166,14 @@ def read_e57(path: Path) -> E57Points:
             signature, _, _, _, place, size, page_bytes = _HEADER.unpack(file.read(_HEADER.size))
             if signature != E57_SIGNATURE or not 64 <= page_bytes <= 1 << 20 or not 0 < size <= _MAX_XML_BYTES:
                 raise ValueError(f"its pages have {page_bytes} bytes, and its XML {size}")
-            text = _read(file, page_bytes, _logical(place, page_bytes), size)
+            text = _Pages(file, page_bytes).read(_logical(place, page_bytes), size)
         root = parse_xml(text, path.name)
         scans = tuple(_Scan.of(each, page_bytes) for each in _child(root, "data3D").children)
         if not scans:
             raise ValueError("it has no scans")
+        bits = sum(scan.points * max(scan.point_bits, 1) for scan in scans)
+        if bits > 8 * path.stat().st_size:
+            raise ValueError(f"its points take {bits // 8:,} bytes, more than it has")
     except _E57_FAULTS as error:
         raise InputError("bad-table-header", path=path, title="E57", reason=str(error)[:100]) from None
     coloured = any(field.name == "colorRed" for scan in scans for field in scan.fields)
@@ -162,19 +181,64 @@ def read_e57(path: Path) -> E57Points:
     return E57Points("e57", row, sum(scan.points for scan in scans), 0, "e57", page_bytes, scans)
 
 
-def _columns(file: BinaryIO, page_bytes: int, scan: _Scan) -> Iterator[dict[str, FloatArray]]:
+class _Pages:
+    """The pages of a file without their checksums, which are compared once for each reading in the order of the file.
+
+    A page may be as large as the file, and hold thousands of packets.
+    """
+
+    def __init__(self, file: BinaryIO, page_bytes: int) -> None:
+        self.page_bytes = page_bytes
+        self._file = file
+        self._size = self._left = file.seek(0, 2)
+        self._first = 0
+        self._content = b""
+        """That of the pages read last, from the page `_first` on."""
+
+    def take(self, size: int) -> None:
+        """Count bytes of packets; ValueError if they are more than those of the file: scans refer to the same ones."""
+        self._left -= size
+        if self._left < 0:
+            raise ValueError("its scans refer to the same packets")
+
+    def read(self, at: int, size: int) -> bytes:
+        """Bytes at an offset without checksums; ValueError if they are not there, or damaged."""
+        content = self.page_bytes - _CHECKSUM_BYTES
+        first, last = at // content, (at + size - 1) // content
+        if not 0 <= at <= self._size:
+            raise ValueError(f"it has no byte {at:,}")
+        if (last + 1) * self.page_bytes > self._size:
+            raise ValueError(f"it ends before byte {(last + 1) * self.page_bytes:,}")
+        if not (self._first <= first and (last - self._first + 1) * content <= len(self._content)):
+            self._file.seek(first * self.page_bytes)
+            data = self._file.read((last - first + 1) * self.page_bytes)
+            pages = np.frombuffer(data, np.uint8).reshape(-1, self.page_bytes)
+            stated = np.ascontiguousarray(pages[:, content:]).view(">u4")[:, 0]
+            wrong = np.flatnonzero(_crc32c(pages, content) != stated)
+            if len(wrong):
+                at_byte = (first + int(wrong[0])) * self.page_bytes
+                raise ValueError(f"the page at byte {at_byte:,} has a wrong checksum")
+            self._first, self._content = first, pages[:, :content].tobytes()
+        within = at - self._first * content
+        return self._content[within : within + size]
+
+
+def _columns(pages: _Pages, scan: _Scan) -> Iterator[dict[str, FloatArray]]:
     """Values by the names of the fields, as many points at a time as the packets of a block hold."""
-    head = _read(file, page_bytes, scan.at, 32)
+    head = pages.read(scan.at, 32)
     kind, (packets,) = head[0], struct.unpack_from("<Q", head, 16)
     if kind != 1:
         raise ValueError(f"a section of the type {kind} where points should be")
-    at, done, held = _logical(packets, page_bytes), 0, 0
+    at, done, held = _logical(packets, pages.page_bytes), 0, 0
     streams = [bytearray() for _ in scan.fields]
     bits = [0] * len(streams)
     while done < scan.points:
-        kind, _, last, count = struct.unpack("<BBHH", _read(file, page_bytes, at, 6))
+        kind, _, last, count = struct.unpack("<BBHH", pages.read(at, 6))
+        if (last + 1) % 4:
+            raise ValueError(f"a packet has {last + 1} bytes, which is no multiple of four")
+        pages.take(last + 1)
         if kind == 1:
-            packet = _read(file, page_bytes, at, last + 1)
+            packet = pages.read(at, last + 1)
             sizes = struct.unpack_from(f"<{count}H", packet, 6)
             begin = 6 + 2 * count
             if count != len(streams) or begin + sum(sizes) > len(packet):
@@ -187,37 +251,23 @@ def _columns(file: BinaryIO, page_bytes: int, scan: _Scan) -> Iterator[dict[str,
         ready = [(8 * len(s) - b) // f.bits for s, b, f in zip(streams, bits, scan.fields, strict=True) if f.bits]
         n = min([*ready, scan.points - done])
         if n and (held >= _BLOCK_BYTES or n == scan.points - done):
-            column = {}
-            for k, field in enumerate(scan.fields):
-                column[field.name] = field.values(np.frombuffer(bytes(streams[k]) + bytes(8), np.uint8), bits[k], n)
-                used, bits[k] = divmod(bits[k] + n * field.bits, 8)
-                del streams[k][:used]
+            for count in [*[_BLOCK_POINTS] * (n // _BLOCK_POINTS), n % _BLOCK_POINTS]:
+                column = {}
+                for k, field in enumerate(scan.fields):
+                    if field.name in _USED:
+                        data = np.frombuffer(streams[k][: (bits[k] + count * field.bits + 7) // 8] + bytes(8), np.uint8)
+                        column[field.name] = field.values(data, bits[k], count)
+                    used, bits[k] = divmod(bits[k] + count * field.bits, 8)
+                    del streams[k][:used]
+                if count:
+                    yield column
             done, held = done + n, 0
-            yield column
 
 
 def _logical(place: int, page_bytes: int) -> int:
     """Offset without checksums of a place in the file."""
     page, within = divmod(place, page_bytes)
     return page * (page_bytes - _CHECKSUM_BYTES) + within
-
-
-def _read(file: BinaryIO, page_bytes: int, at: int, size: int) -> bytes:
-    """Bytes at an offset without checksums."""
-    if not 0 <= at < _MAX_PLACE:
-        raise ValueError(f"it has no byte {at:,}")
-    content = page_bytes - _CHECKSUM_BYTES
-    first, last = at // content, (at + size - 1) // content
-    file.seek(first * page_bytes)
-    data = file.read((last - first + 1) * page_bytes)
-    if len(data) < (last - first + 1) * page_bytes:
-        raise ValueError(f"it ends before byte {(last + 1) * page_bytes:,}")
-    pages = np.frombuffer(data, np.uint8).reshape(-1, page_bytes)
-    wrong = np.flatnonzero(_crc32c(pages, content) != np.ascontiguousarray(pages[:, content:]).view(">u4")[:, 0])
-    if len(wrong):
-        raise ValueError(f"the page at byte {(first + int(wrong[0])) * page_bytes:,} has a wrong checksum")
-    within = at - first * content
-    return pages[:, :content].tobytes()[within : within + size]
 
 
 @kernel()

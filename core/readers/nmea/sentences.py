@@ -79,8 +79,15 @@ class Sentences:
     def __len__(self) -> int:
         return len(self.at)
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the columns."""
+        return self.kind.nbytes + self.talker.nbytes + self.at.nbytes + self.values.nbytes
+
     def __getitem__(self, index: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Self:
-        """Some of the sentences."""
+        """Some of the sentences; these themselves if a mask leaves none out."""
+        if not isinstance(index, slice) and index.dtype == np.bool_ and index.all():
+            return self
         return type(self)(self.kind[index], self.talker[index], self.at[index], self.values[index])
 
     def of_kind(self, kind: Kind) -> Self:
@@ -93,7 +100,9 @@ class Sentences:
 
     @classmethod
     def joined(cls, parts: list[Self]) -> Self:
-        """The sentences of several parts, one after the other."""
+        """The sentences of several parts, one after the other; a single part itself."""
+        if len(parts) == 1:
+            return parts[0]
         if not parts:
             return cls(np.empty(0, np.int8), np.empty(0, "S2"), np.empty(0, np.int64), np.empty((0, COLUMNS)))
         return cls(
@@ -135,6 +144,7 @@ def read_sentences(source: Source, counts: SentenceCounts, *, checked: bool = Tr
     def scan(piece: bytes, base: int, last: bool) -> int:
         sentences, used = scan_bytes(piece, counts, base, last=last, checked=checked)
         found.append(sentences)
+        counts.row_bytes += sentences.nbytes
         return used
 
     scan_stream(source, counts, scan)
@@ -149,7 +159,7 @@ def scan_bytes(
     `counts` are updated, but for `stream_bytes`. If the piece is not the last, an unfinished sentence at its end is
     left for the next one. Unless they are `checked`, sentences without a checksum count as intact.
     """
-    room = data.count(b"$") + data.count(b"$PUBX,00,")
+    room = min(data.count(b"$"), len(data) // _SHORTEST_BYTES + 1) + data.count(b"$PUBX,00,")
     kind = np.empty(room, np.int8)
     talker = np.empty((room, 2), np.uint8)
     at = np.empty(room, np.int64)
@@ -163,13 +173,18 @@ def scan_bytes(
     counts.cut += int(sums[_CUT])
     counts.behind_cut += int(sums[_BEHIND])
     counts.message_bytes += int(sums[_BYTES])
-    found = Sentences(kind[:rows], talker[:rows].view("S2").ravel(), at[:rows] + base, values[:rows])
+    # Copies: of a piece of noise there is room for far more.
+    found = Sentences(
+        kind[:rows].copy(), talker[:rows].copy().view("S2").ravel(), at[:rows] + base, values[:rows].copy()
+    )
     return found, used
 
 
 _BAD, _CUT, _BEHIND, _BYTES = range(4)
 _GGA, _RMC, _GST, _VTG, _HDT, _ZDA, _GNS, _PUBX, _PUBX_MOTION, _PASHR = (int(kind) for kind in Kind)
 _MOST_FIELDS = 19
+_SHORTEST_BYTES = 4
+"""Of an intact sentence: dollar, star, checksum."""
 _TENS = 10.0 ** np.arange(19)
 
 _DOLLAR, _STAR, _COMMA, _DOT, _MINUS, _PLUS = (np.int64(ord(c)) for c in "$*,.-+")

@@ -2,9 +2,10 @@
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Final, NamedTuple
 
@@ -29,6 +30,7 @@ from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.iteration import concluded
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
@@ -149,7 +151,9 @@ class OusterReader(FileReader, ABC):
         self.clocks: tuple[ClockReading, ...] = ()
 
     @abstractmethod
-    def _packets(self, path: Path, others: Counter[str]) -> Iterator[tuple[ByteArray, IntArray, FloatArray, float]]:
+    def _packets(
+        self, path: Path, others: Counter[str]
+    ) -> Generator[tuple[ByteArray, IntArray, FloatArray, float], None, None]:
         """Batches of the first sensor's data packets for :meth:`OusterDecoder.push`, and the share of the file read.
 
         What else there is, is counted in `others`.
@@ -200,20 +204,28 @@ class OusterReader(FileReader, ABC):
 
     def _read(self, paths: Sequence[Path], decoder: OusterDecoder, others: Counter[str]) -> Iterator[Scan]:
         self.notices.clear()
+        yield from concluded(self._decoded(paths, decoder, others), partial(self._conclude, paths[0], decoder, others))
+
+    def _decoded(self, paths: Sequence[Path], decoder: OusterDecoder, others: Counter[str]) -> Iterator[Scan]:
         sizes = [path.stat().st_size for path in paths]
         for i, path in enumerate(paths):
-            for data, offset, host_s, share in self._packets(path, others):
-                self.share_read = (sum(sizes[:i]) + sizes[i] * share) / sum(sizes)
-                if self.options.glance_s is not None:
-                    glanced = host_s % self.options.glance_s < _GLANCE_S
-                    offset, host_s = offset[glanced], host_s[glanced]
-                yield from decoder.push(data, offset, host_s)
+            with closing(self._packets(path, others)) as batches:
+                for data, offset, host_s, share in batches:
+                    self.share_read = (sum(sizes[:i]) + sizes[i] * share) / sum(sizes)
+                    if self.options.glance_s is not None:
+                        glanced = host_s % self.options.glance_s < _GLANCE_S
+                        offset, host_s = offset[glanced], host_s[glanced]
+                    yield from decoder.push(data, offset, host_s)
         yield from decoder.finish()
-        self.notices += [*self._uncertain, *decoder.notices()]
+
+    def _conclude(self, path: Path, decoder: OusterDecoder, others: Counter[str]) -> None:
+        """Set notices and clocks to what was read."""
+        decoder.finish()  # of scans that nobody takes: the counts are complete
+        self.notices += [*self._uncertain, *self.as_read(decoder.notices())]
         counts = decoder.counts
         if not counts.packets:
             frames = ", ".join(f"{n:,} {why}" for why, n in others.items() if n)
-            raise InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")
+            raise InputError("no-packets", paths=path, frames=frames or "no packets at all")
         first_s, last_s = (end_s + counts.host_least_s for end_s in (counts.first_s, counts.last_s))
         readings = [ClockReading(Clock.RECORDER, first_s, last_s, f"{counts.host_words}stamps")]
         if self.clock is not Clock.RECORDER:
@@ -247,16 +259,20 @@ class OusterPcap(OusterReader):
         first = first_datagrams(head)
         return 0.9 if first is not None and looks_like_data(first) else 0.0
 
-    def _packets(self, path: Path, others: Counter[str]) -> Iterator[tuple[ByteArray, IntArray, FloatArray, float]]:
+    def _packets(
+        self, path: Path, others: Counter[str]
+    ) -> Generator[tuple[ByteArray, IntArray, FloatArray, float], None, None]:
         sender, metadata = self._sensors[0]
         with Source(path) as source:
             capture = Capture(source)
-            for datagrams in capture:
-                mine = sender.sort(datagrams, metadata)
-                others["other UDP datagrams"] += int((~mine).sum())
-                yield datagrams.data, datagrams.offset[mine], datagrams.time_s[mine], source.share_read
-            others.update(capture.skipped)
-            self.notices += capture.notices
+            try:
+                for datagrams in capture:
+                    mine = sender.sort(datagrams, metadata)
+                    others["other UDP datagrams"] += int((~mine).sum())
+                    yield datagrams.data, datagrams.offset[mine], datagrams.time_s[mine], source.share_read
+            finally:  # also where no more packets are wanted
+                others.update(capture.skipped)
+                self.notices += capture.notices
         for key, count in [*others.items()]:
             if not count:
                 del others[key]

@@ -10,7 +10,8 @@ import struct
 import sys
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Final, NamedTuple
@@ -26,6 +27,7 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.memory import expect_growth
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -41,21 +43,51 @@ _RANGES, _BRIGHTS = (1, 2), (5, 6)
 _PNG, _ZPNG = b"\x89PNG", b"\xf8\xfb"
 _ZPNG_HEADER: Final = struct.Struct("<2sHHBB")
 _MAX_PART_BYTES: Final = 1 << 28
+_MAX_SHARED: Final = 4
+"""Bytes of vectors that are read from a buffer, for each of its own."""
+_MAX_STREAMS: Final = 256
 _MAX_RANGE_MM: Final = (1 << 19) - 1
 _OSF_FAULTS: Final = (struct.error, ValueError, IndexError, UnicodeDecodeError, zstd.ZstdError)
 """What damaged content raises."""
 
 
-class _FlatTable(NamedTuple):
-    """A table of a FlatBuffer at an offset in `data` (FlatBuffers, "Internals"); fields count from 0."""
+class _Aliased(ValueError):
+    """The vectors of a buffer refer to the same bytes again and again."""
 
-    data: bytes
+
+class _FlatBuffer:
+    """The bytes of a FlatBuffer, and how many bytes of vectors may still be taken from it.
+
+    Offsets may refer to the same bytes any number of times. A writer shares a vector among a few tables at most, so
+    that more bytes than `_MAX_SHARED` times those of the buffer are not what it wrote.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self._left = _MAX_SHARED * len(data)
+
+    def take(self, size: int) -> None:
+        """Count bytes that are taken; `_Aliased` if they are too many."""
+        self._left -= size
+        if self._left < 0:
+            raise _Aliased("the same bytes are referred to many times")
+
+
+class _FlatTable(NamedTuple):
+    """A table of a FlatBuffer at an offset in it (FlatBuffers, "Internals"); fields count from 0."""
+
+    buffer: _FlatBuffer
     at: int
 
     @classmethod
     def root(cls, data: bytes) -> "_FlatTable":
         """The root of a buffer with its length before it."""
-        return cls(data, 4 + struct.unpack_from("<I", data, 4)[0])
+        return cls(_FlatBuffer(data), 4 + struct.unpack_from("<I", data, 4)[0])
+
+    @property
+    def data(self) -> bytes:
+        """The bytes of the buffer."""
+        return self.buffer.data
 
     def _place(self, field: int) -> int:
         """Offset of a field; 0 if it is not there."""
@@ -75,7 +107,9 @@ class _FlatTable(NamedTuple):
         if not place:
             return np.empty(0, form)
         place += struct.unpack_from("<I", self.data, place)[0]
-        return np.frombuffer(self.data, form, struct.unpack_from("<I", self.data, place)[0], place + 4)
+        found = np.frombuffer(self.data, form, struct.unpack_from("<I", self.data, place)[0], place + 4)
+        self.buffer.take(found.nbytes)
+        return found
 
     def text(self, field: int) -> str:
         """A string; empty if it is not there."""
@@ -86,7 +120,7 @@ class _FlatTable(NamedTuple):
         offsets = self.vector(field, "<u4")
         first = self._place(field)
         first += struct.unpack_from("<I", self.data, first)[0] + 4 if first else 0
-        return [_FlatTable(self.data, first + 4 * k + offset) for k, offset in enumerate(offsets.tolist())]
+        return [_FlatTable(self.buffer, first + 4 * k + offset) for k, offset in enumerate(offsets.tolist())]
 
 
 @dataclass(frozen=True)
@@ -117,7 +151,9 @@ class OusterOsf(OusterReader):
             there = "; ".join(sensor.name for sensor in sensors)
             raise InputError("ouster-other-sensor", path=self.paths[0], model=options.model, there=there)
         self._sensors = chosen_by_source(self._sensors, self.paths[0], options.source)
-        first = next(self._packets(self.paths[0], Counter()), None)
+        with closing(self._packets(self.paths[0], Counter())) as batches:
+            first = next(batches, None)
+        self.notices.clear()
         if first is None:
             raise _damaged(self.paths[0], "it has no scans of its sensor")
         stamp_ns = self._decoder_metadata().heads(*first[:2]).stamp_ns
@@ -135,31 +171,27 @@ class OusterOsf(OusterReader):
     def _decoder(self) -> OusterDecoder:
         return OusterDecoder(self._decoder_metadata(), self._time)
 
-    def _packets(self, path: Path, others: Counter[str]) -> Iterator[tuple[ByteArray, IntArray, FloatArray, float]]:
+    def _packets(
+        self, path: Path, others: Counter[str]
+    ) -> Generator[tuple[ByteArray, IntArray, FloatArray, float], None, None]:
         stream = next((s for s in _streams(path) if s.metadata.serial == self._sensors[0].metadata.serial), None)
         if stream is None or not stream.metadata.same_geometry(self._sensors[0].metadata):
             raise _damaged(path, f"it has no scans of {self._sensors[0].name}, as the file before it has")
         bad = 0
-        with path.open("rb") as file:
-            size = path.stat().st_size
-            for chunk in _chunks(file, path):
-                try:
-                    messages = _FlatTable.root(chunk).tables(0) if chunk else []
-                except _OSF_FAULTS:
-                    messages = []
-                bad += not messages
-                for message in messages:
-                    try:
-                        if message.number(1, "I") != stream.number:
-                            others["other messages"] += 1
+        try:
+            with path.open("rb") as file:
+                size, unpacked = path.stat().st_size, 0
+                for chunk in _chunks(file, path):
+                    for found in _turns(chunk, stream, others):
+                        if found is None:
+                            bad += 1
                             continue
-                        batch = _packets_of(message, stream)
-                    except _OSF_FAULTS:
-                        bad += 1
-                        continue
-                    yield *batch, file.tell() / size
-        if bad:
-            self.notices.append(Notice("osf-damaged", path=path, bad=bad))
+                        unpacked += found[0].nbytes
+                        expect_growth(path, size, unpacked)
+                        yield *found, file.tell() / size
+        finally:  # also where no more packets are wanted
+            if bad:
+                self.notices.append(Notice("osf-damaged", path=path, bad=bad))
 
 
 def _damaged(path: Path, why: str) -> InputError:
@@ -206,6 +238,8 @@ def _streams(path: Path) -> list[_Stream]:
             for number, kind, content in entries
             if kind == _SCAN_STREAM
         ]
+        if len(found) > _MAX_STREAMS:
+            raise ValueError(f"it has {len(found):,} streams of scans")
         streams = [_stream(number, texts[sensor], path.name) for number, sensor in found]
     except (*_OSF_FAULTS, KeyError) as error:
         raise _damaged(path, f"its metadata are damaged ({error or type(error).__name__})") from None
@@ -234,6 +268,31 @@ def _chunks(file: BinaryIO, path: Path) -> Iterator[bytes]:
         step = int.from_bytes(file.read(4), "little")
         yield _part(file, at, _CHUNK)
         at += step + 8
+
+
+def _turns(
+    chunk: bytes, stream: _Stream, others: Counter[str]
+) -> Iterator[tuple[ByteArray, IntArray, FloatArray] | None]:
+    """The turns of a sensor in a chunk, as :func:`_packets_of`; None for what is damaged. `others` counts the rest."""
+    try:
+        messages = _FlatTable.root(chunk).tables(0) if chunk else []
+    except _OSF_FAULTS:
+        messages = []
+    if not messages:
+        yield None
+    for message in messages:
+        try:
+            if message.number(1, "I") != stream.number:
+                others["other messages"] += 1
+                continue
+            turn = _packets_of(message, stream)
+        except _Aliased:
+            yield None
+            return
+        except _OSF_FAULTS:
+            yield None
+            continue
+        yield turn
 
 
 def _packets_of(message: _FlatTable, stream: _Stream) -> tuple[ByteArray, IntArray, FloatArray]:

@@ -21,6 +21,8 @@ ByteArray = NDArray[np.uint8]
 _WHOLE_SHARE: Final = 0.9
 """A turn with a smaller share of its packets is not whole."""
 _CHECKED_TURNS: Final = 3
+_LONGEST_TURN: Final = 2
+"""Times the packets of a turn after which it ends, whatever its number."""
 _CLOCK_STEP_S: Final = 0.25
 """From one packet to the next without a gap; receivers' sentences may set the clock a second off and back."""
 _JUMP_S: Final = 2.0
@@ -93,6 +95,8 @@ class OusterDecoder:
         self._open.append(scan[start:])
         self._open_packets += len(offset) - begin
         self._open_frame = int(head.frame[-1])
+        if self._open_packets > _LONGEST_TURN * m.frame_packets:  # the number of the turn stands still
+            scans += self._close(cut=True)
         return scans
 
     def finish(self) -> list[Scan]:

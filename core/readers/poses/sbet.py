@@ -10,6 +10,7 @@ from furrowmap.core.readers.poses.file import PoseFile, RawPoses
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.memory import expect_rows
 
 SBET_FIELDS: Final = 17
 RECORD_BYTES: Final = 8 * SBET_FIELDS
@@ -69,6 +70,7 @@ class Sbet(PoseFile):
                 attitude = np.degrees(np.column_stack([records[:, (ROLL, PITCH)], heading]))
                 values.append(np.column_stack([position, attitude, np.full((len(records), 6), np.nan)]))
                 count += len(records)
+                expect_rows(path, source.size_bytes, count * RECORD_BYTES)
                 rest = len(block) % RECORD_BYTES
             fault = source.fault
         if count < 2:

@@ -35,6 +35,7 @@ from furrowmap.core.readers.rosbag.storage import (
     Db3Storage,
     McapStorage,
     Rosbag1Storage,
+    decompress_message,
 )
 from furrowmap.core.readers.rosbag.topic_content import (
     LOOKED_INTO,
@@ -50,6 +51,8 @@ from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.runtime.arrays import scratch_file
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.iteration import close, concluded
+from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.runtime.write_errors import writing_scratch
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.clock import iso_utc
@@ -307,6 +310,11 @@ class BagFiles:
         self._sizes = [file.stat().st_size for file in self._files]
         self._behind = 0
         self._open: BagStorage | None = None
+
+    @property
+    def size_bytes(self) -> int:
+        """Of all files."""
+        return sum(self._sizes)
 
     @property
     def share_read(self) -> float:
@@ -576,17 +584,27 @@ class _RosBag(FileReader):
     def _scans(self, chosen: _Topic, decoder: PacketScans | OusterMessages | CloudScans | LineScans) -> Iterator[Scan]:
         first_s, last_s = float("inf"), float("-inf")
 
+        messages = self._read(chosen, decoder.push)
+
         def batches() -> Iterator[list[Scan]]:
-            yield from self._read(chosen, decoder.push)
+            yield from messages
             yield decoder.finish()
 
-        for scans in batches():
-            self.clock = decoder.clock
-            for scan in scans:
-                first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
-                yield scan
-        self.clocks = (ClockReading(self.clock, first_s, last_s, _POINT_TIMES),) if first_s <= last_s else ()
-        self._add_notices(*decoder.notices())
+        def decoded() -> Iterator[Scan]:
+            nonlocal first_s, last_s
+            for scans in batches():
+                self.clock = decoder.clock
+                for scan in scans:
+                    first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
+                    yield scan
+
+        def conclude() -> None:
+            close(messages)
+            decoder.finish()  # of scans that nobody takes: the counts are complete
+            self.clocks = (ClockReading(self.clock, first_s, last_s, _POINT_TIMES),) if first_s <= last_s else ()
+            self._add_notices(*decoder.notices())
+
+        yield from concluded(decoded(), conclude)
 
     def _positions(self) -> tuple[GnssTrack, _Topic, ros.FixLog | ros.SentenceLog]:
         """The positions, their topic, and its messages."""
@@ -645,35 +663,46 @@ class _RosBag(FileReader):
         files = BagFiles(self.paths)
         taken = 0
         damaged = 0
+        unpacked = 0
         first = ""
         lacking: Counter[str] = Counter()
-        for message in files.messages({chosen.name}):
+
+        def decoded() -> Iterator[T]:
+            nonlocal taken, damaged, unpacked, first
+            for message in files.messages({chosen.name}):
+                self.share_read = files.share_read
+                if message.type != chosen.type:
+                    continue
+                try:
+                    content = decompress_message(message.data) if message.encoding == "cdr" else message.data
+                    unpacked += len(content)
+                    expect_growth(self.paths[0], files.size_bytes, unpacked)
+                    result = take(ros.deserialize(message._replace(data=content)), message)
+                except Damage as damage:
+                    damaged += 1
+                    first = first or f"{damage}, received {iso_utc(message.received_ns * 1e-9)}"
+                except ros.NotMeasured as statement:
+                    lacking[str(statement)] += 1
+                else:
+                    taken += 1
+                    yield result
+
+        def conclude() -> None:
             self.share_read = files.share_read
-            if message.type != chosen.type:
-                continue
-            try:
-                result = take(ros.deserialize(message), message)
-            except Damage as damage:
-                damaged += 1
-                first = first or f"{damage}, received {iso_utc(message.received_ns * 1e-9)}"
-            except ros.NotMeasured as statement:
-                lacking[str(statement)] += 1
-            else:
-                taken += 1
-                yield result
-        self.share_read = files.share_read
-        if lacking:
-            quantity, count = lacking.most_common(1)[0]
-            key = "bag-not-measured.in_part" if taken else "bag-not-measured"
-            about = {"chosen": self._source(chosen), "no_rate": quantity == ros.RATE, "count": count}
-            if not taken:
-                raise InputError(key, **about)
-            self._add_notices(Notice(key, **about))
-        if not taken:
-            raise InputError("bag-undecodable", chosen=self._source(chosen), damaged=damaged, first=first)
-        if damaged:
             source = self._source(chosen)
-            self._add_notices(Notice("bag-messages-damaged", source=source, damaged=damaged, first=first))
+            if lacking:
+                quantity, count = lacking.most_common(1)[0]
+                key = "bag-not-measured.in_part" if taken else "bag-not-measured"
+                about = {"chosen": source, "no_rate": quantity == ros.RATE, "count": count}
+                if not taken:
+                    raise InputError(key, **about)
+                self._add_notices(Notice(key, **about))
+            if not taken:
+                raise InputError("bag-undecodable", chosen=source, damaged=damaged, first=first)
+            if damaged:
+                self._add_notices(Notice("bag-messages-damaged", source=source, damaged=damaged, first=first))
+
+        yield from concluded(decoded(), conclude)
 
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
         chosen = self._choose("laser scans", *SCAN_TYPES, wanted=self.options.source)
@@ -731,7 +760,7 @@ class _RosBag(FileReader):
 
     def _add_notices(self, *notices: Notice) -> None:
         """Add those that are new: a bag may be inspected, and read for positions and for scans."""
-        self.notices += [notice for notice in notices if notice not in self.notices]
+        self.notices[:] = dict.fromkeys([*self.notices, *notices])
 
 
 class RosBag1(_RosBag):

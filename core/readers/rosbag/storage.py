@@ -19,6 +19,7 @@ import struct
 import sys
 import zlib
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -27,7 +28,7 @@ from urllib.parse import quote
 
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.memory import expect_disk
+from furrowmap.core.runtime.memory import expect_disk, expect_growth
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.clock import iso_utc
 
@@ -39,6 +40,8 @@ else:
 MAX_RECORD_BYTES = 1 << 29
 """Largest plausible record or chunk: a rosbag chunk has 768 KiB or a single message, one of an MCAP file a few MiB."""
 
+_MOST_NOTED: Final = 20
+"""Notices of one kind about one file."""
 _READ_BYTES = 1 << 20
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
@@ -77,6 +80,7 @@ class BagStorage(ABC):
         self.notices: list[Notice] = []
         self.declared: int | None = None
         self.share_read = 0.0
+        self._noted: Counter[str] = Counter()
 
     @abstractmethod
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
@@ -86,7 +90,15 @@ class BagStorage(ABC):
         """
 
     def _note(self, key: str, **values: object) -> None:
-        self.notices.append(Notice(key, file=self.path.name, **values))
+        """Add a notice; those of one key are counted when there are many."""
+        self._noted[key] += 1
+        if self._noted[key] <= _MOST_NOTED:
+            self.notices.append(Notice(key, file=self.path.name, **values))
+
+    def _note_further(self) -> None:
+        """Add how many notices were left out."""
+        if further := sum(max(0, count - _MOST_NOTED) for count in self._noted.values()):
+            self.notices.append(Notice("bag-more-damage", file=self.path.name, further=further))
 
 
 class RecordStorage(BagStorage):
@@ -100,6 +112,7 @@ class RecordStorage(BagStorage):
         self._source = Source(path)
         self._offset = 0  # in the decompressed bytes of a `.gz`
         self._orphans = 0
+        self._unpacked = 0
         self._last_ns: int | None = None
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
@@ -112,6 +125,7 @@ class RecordStorage(BagStorage):
         self.share_read = 1.0
         if self._orphans:
             self._note("bag-orphans", orphans=self._orphans, kind=self.declared_by)
+        self._note_further()
 
     @abstractmethod
     def _read(self, topics: Collection[str] | None) -> Iterator[BagMessage]:
@@ -133,6 +147,8 @@ class RecordStorage(BagStorage):
         try:
             packed, method, size, checksum = self._chunk_content(header, data)
             content, fault = inflate(packed, method, size)
+            self._unpacked += len(content)
+            expect_growth(self.path, self._source.size_bytes, self._unpacked)
             if fault:
                 faults.append(fault)
             elif checksum and zlib.crc32(content) != checksum:
@@ -437,6 +453,16 @@ def _string(content: bytes, position: int) -> tuple[str, int]:
 
 
 SQLITE_MAGIC: Final = b"SQLite format 3\x00"
+_SQLITE_STEPS: Final = 10_000_000
+_SQLITE_STEPS_A_BYTE: Final = 20
+"""Steps of SQLite's virtual machine that a file may take: a row takes some twenty, and has more bytes than that."""
+_SQLITE_STEPS_AT_ONCE: Final = 10_000
+
+
+def end_after(connection: sqlite3.Connection, steps: int) -> None:
+    """Let SQLite end with an error after so many steps: a view or a tree of a hostile file may have no end."""
+    left = iter(range(steps // _SQLITE_STEPS_AT_ONCE))
+    connection.set_progress_handler(lambda: next(left, None) is None, _SQLITE_STEPS_AT_ONCE)
 
 
 class Db3Storage(BagStorage):
@@ -453,7 +479,9 @@ class Db3Storage(BagStorage):
                 with closing(sqlite3.connect(f"file:{quote(str(database))}?{flags}", uri=True)) as connection:
                     largest = min(MAX_RECORD_BYTES, database.stat().st_size)
                     connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, largest)
-                    yield from self._rows(connection, topics)
+                    size = database.stat().st_size
+                    end_after(connection, _SQLITE_STEPS + _SQLITE_STEPS_A_BYTE * size)
+                    yield from self._rows(connection, topics, size)
             except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
                 self._note("bag-cut.database", error=error)
         self.share_read = 1.0
@@ -487,7 +515,9 @@ class Db3Storage(BagStorage):
         if there < expected:
             self._note("bag-cut.size", size_bytes=there, expected=expected)
 
-    def _rows(self, connection: sqlite3.Connection, topics: Collection[str] | None) -> Iterator[BagMessage]:
+    def _rows(
+        self, connection: sqlite3.Connection, topics: Collection[str] | None, most_bytes: int
+    ) -> Iterator[BagMessage]:
         rows = connection.execute("SELECT id, name, type, serialization_format FROM topics")
         # Converted bags state no format: messages of ROS 2 are CDR.
         known = {number: (str(name), ros2_type(str(kind)), str(form or "cdr")) for number, name, kind, form in rows}
@@ -499,9 +529,13 @@ class Db3Storage(BagStorage):
             (json.dumps(wanted),),
         )
         damaged = 0
+        left = most_bytes
         for row, number, received_ns, data in rows:
             if isinstance(row, int) and isinstance(last, int) and last > 0:  # a table may be made otherwise
                 self.share_read = min(1.0, max(0.0, row / last))
+            left -= len(data) if isinstance(data, bytes) else 1
+            if left < 0:
+                raise sqlite3.DatabaseError("its rows refer to the same pages again and again")
             if number in known and isinstance(received_ns, int) and isinstance(data, bytes):
                 yield BagMessage(*known[number], received_ns, data)
             else:

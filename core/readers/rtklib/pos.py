@@ -21,6 +21,7 @@ from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.memory import expect_rows
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import geodetic, variances_enu
 from furrowmap.core.values.gnss import Fix
@@ -120,6 +121,7 @@ class PosRows:
 
     def add(self, source: Source) -> None:
         """Collect the rows of a stream after those of the streams before; the first determines the form of times."""
+        row_bytes = 0
         for lines in _split_lines(source):
             rows: list[bytes] = []
             numbers: list[int] = []
@@ -141,6 +143,8 @@ class PosRows:
             if rows:
                 self.tables.append(_table(rows, self.style + MAX_VALUES))
                 self.numbers.append(np.array(numbers, np.int64))
+                row_bytes += self.tables[-1].nbytes + self.numbers[-1].nbytes
+                expect_rows(source.path, source.size_bytes, row_bytes)
 
 
 def _split_lines(source: Source) -> Iterator[list[bytes]]:

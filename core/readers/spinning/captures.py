@@ -25,6 +25,7 @@ from furrowmap.core.readers.spinning.decoder import PacketDecoder
 from furrowmap.core.readers.spinning.model import AngleTable, Maker
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.iteration import concluded
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
@@ -256,10 +257,24 @@ class SpinningPcap(FileReader):
         decoder = PacketDecoder(self.maker, self.options.model, angles=self._angles, clock=clock, where=str(paths[0]))
         traffic.decoder = decoder
         self._decoder = decoder
+
+        def conclude() -> None:
+            decoder.finish()  # of scans that nobody takes: the counts are complete
+            if self.options.source is not None:
+                del traffic.ignored["of another sensor"]
+            self.notices += [notice for capture in traffic.captures for notice in capture.notices]
+            self.notices += [*clock_notices, *self.as_read(decoder.notices()), *traffic.notices(self.clock)]
+            self.clocks = traffic.clock_readings(self.clock)
+            self.share_read = 1.0
+
+        yield from concluded(self._decoded(paths, traffic, decoder), conclude)
+
+    def _decoded(self, paths: Sequence[Path], traffic: SensorTraffic, decoder: PacketDecoder) -> Iterator[Scan]:
         sizes = [path.stat().st_size for path in paths]
         for i, path in enumerate(paths):
             with Source(path) as source:
                 capture = Capture(source)
+                traffic.captures.append(capture)
                 for datagrams in capture:
                     self.share_read = (sum(sizes[:i]) + sizes[i] * source.share_read) / sum(sizes)
                     product = traffic.sort(datagrams, self._sender)
@@ -269,14 +284,7 @@ class SpinningPcap(FileReader):
                     yield from decoder.push_at(
                         datagrams.data, datagrams.offset[mine], product[mine], datagrams.time_s[mine]
                     )
-                traffic.captures.append(capture)
-                self.notices += capture.notices
         yield from decoder.finish()
-        if self.options.source is not None:
-            del traffic.ignored["of another sensor"]
-        self.notices += [*clock_notices, *decoder.notices(), *traffic.notices(self.clock)]
-        self.clocks = traffic.clock_readings(self.clock)
-        self.share_read = 1.0
 
 
 def survey(

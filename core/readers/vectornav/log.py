@@ -168,6 +168,10 @@ STAMPS_S: Final = (6.0e8, 5.0e9)
 """Numbers before a sentence that are smaller or larger are no seconds of UTC."""
 
 
+_KEPT_ROW_BYTES: Final = 400
+"""Memory of a row of numbers."""
+
+
 @dataclass
 class AsciiSentences:
     """Sentences of a log in their order.
@@ -200,6 +204,7 @@ class AsciiSentences:
                 angles = (values[0], values[1], values[2])
             if kind in TIMED_FIELDS and len(values) >= TIMED_FIELDS[kind] and values[1] > 0:
                 gps_s = WEEK_S * values[1] + values[0]
+            self.counts.row_bytes += _KEPT_ROW_BYTES
             self.rows.append((_stamp_s(before), gps_s, float(len(self.rows)), *measured, *angles))
         return end
 

@@ -1,0 +1,61 @@
+"""Reads each file it is given as its kind, within the memory it is given; a JSON line says what came of each."""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from collections import deque
+from contextlib import suppress
+from pathlib import Path
+
+from furrowmap.core.readers.exif import read_pixels
+from furrowmap.core.readers.las.cloud import open_cloud, survey
+from furrowmap.core.readers.text_table import read_sheet, read_table
+from furrowmap.core.runtime.errors import FurrowmapError, InputError
+from furrowmap.core.session.file import load_session
+from tests.fuzz.reading import inspect_recording, read_recording
+
+
+def unreadable(why: str) -> InputError:
+    return InputError("treatments-unreadable", path="table", why=why)
+
+
+def read_both(path: Path) -> None:
+    """As `inspect` and as a run do."""
+    with suppress(FurrowmapError):
+        inspect_recording(path)
+    read_recording(path)
+
+
+WAYS = {
+    "recording": read_both,
+    "cloud": lambda path: survey(open_cloud(path)),
+    "session": load_session,
+    "table": lambda path: read_table(path, unreadable),
+    "sheet": lambda path: read_sheet(path, unreadable),
+    "image": lambda path: deque([read_pixels(path, 1)], maxlen=0),
+}
+
+
+def outcome(way: str, path: Path) -> str:
+    """The code of the error; "read" without one."""
+    try:
+        WAYS[way](path)
+    except FurrowmapError as error:
+        return error.code if all(error.lines) else "without its three sentences"
+    except ValueError as error:
+        return f"not read: {error}" if way == "image" else f"{type(error).__name__}: {error}"
+    except BaseException as error:  # noqa: BLE001 (whatever ends a command)
+        return f"{type(error).__name__}: {error}"
+    return "read"
+
+
+if __name__ == "__main__":
+    limit = int(sys.argv[1])
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    start_s = time.process_time()
+    came = outcome(sys.argv[2], Path(sys.argv[3]))
+    peak_kb = int(Path("/proc/self/status").read_text(encoding="ascii").split("VmHWM:")[1].split()[0])
+    sys.stdout.write(json.dumps({"came": came, "peak_kb": peak_kb, "spent_s": time.process_time() - start_s}))
