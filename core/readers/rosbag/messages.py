@@ -26,7 +26,7 @@ from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, i
 from furrowmap.core.readers.nmea.log import assemble
 from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, are_checked, scan_bytes
 from furrowmap.core.readers.position_log import LoggedPositions
-from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, decompress_message
 from furrowmap.core.readers.velodyne.captures import PACKET_BYTES
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -71,8 +71,9 @@ def livox_cloud(data: bytes, encoding: str) -> Any:
     there = len(data) - at - 4
     if points and not points * step - (step - _CUSTOM_BYTES) <= there <= points * step:
         raise Damage(f"{points} points do not match {there} bytes of data")
+    frame = data[16 : 16 + text].rstrip(b"\0").decode("utf-8", "replace")
     return SimpleNamespace(
-        header=SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec)),
+        header=SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec), frame_id=frame),
         height=1,
         width=points,
         point_step=step,
@@ -245,19 +246,19 @@ _DEFINITIONS: Final = {
 
 
 def deserialize(message: BagMessage) -> Any:
-    """The message as `rosbags` deserialises it, with the fields of its definition; its data are not compressed.
+    """The message as `rosbags` deserialises it, with the fields of its definition.
 
     Damage if it is none of this type.
     """
     if message.encoding not in ("ros1", "cdr"):
         raise Damage(f"unsupported encoding {message.encoding!r}")
     if message.type in LIVOX_CLOUDS:
-        return livox_cloud(message.data, message.encoding)
+        return livox_cloud(decompress_message(message.data), message.encoding)
     store = _typestore(message.encoding)
     try:
         if message.encoding == "ros1":
             return store.deserialize_ros1(message.data, message.type)
-        return store.deserialize_cdr(message.data, message.type)
+        return store.deserialize_cdr(decompress_message(message.data), message.type)
     except Exception as error:  # noqa: BLE001 (the one boundary: on damage rosbags raises whatever comes)
         raise Damage(str(error) or type(error).__name__) from None
 
