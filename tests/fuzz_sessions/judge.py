@@ -91,8 +91,9 @@ def faults(
             json.loads(out, parse_constant=_no_constant)
         except ValueError as unread:
             yield "json", f"{unread}: {out[:500]}"
-    if '"code": "fault"' in out or '"code": "out-of-memory"' in out:
-        yield "exception", out[out.index('"code": "') - 200 :][:1500]
+    for code in ("fault", "out-of-memory", "batch-worker-lost"):
+        if f'"code": "{code}"' in out:
+            yield "exception", out[out.index(f'"code": "{code}"') :][:1500]
 
 
 def _error_faults(line: Sequence[str], status: int, error: FurrowmapError, raised: str) -> Iterator[tuple[str, str]]:
@@ -100,6 +101,8 @@ def _error_faults(line: Sequence[str], status: int, error: FurrowmapError, raise
         yield "exception" if error.code == "fault" else error.code, f"{error}\n{raised}"
     if error.code == "out-of-memory":
         yield "memory", f"{error}\n{raised}"
+    if error.code.endswith("worker-lost"):
+        yield "crash", f"{error}"
     if status != error.exit_status or status == 0:
         yield "status", f"exit status {status} with {error.code}"
     for language in ("ja",) if "ja" in line else ("en",):

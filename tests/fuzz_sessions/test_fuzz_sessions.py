@@ -45,7 +45,7 @@ FAULTS: dict[str, Callable[[], object]] = {
     "": lambda: None,
     "outside": lambda: (outside() / "made").write_text("x"),
     "opened": lambda: ctypes.CDLL(None).fopen(os.fsencode(outside() / "canary.csv"), b"r"),
-    "network": lambda: socket.socket(socket.AF_INET),
+    "network": lambda: socket.socket().connect(("127.0.0.1", 9)),
     "left": lambda: Path(tempfile.gettempdir(), "left").write_text("x"),
     "crash": lambda: ctypes.string_at(0),
     "printed": lambda: os.write(2, b"Traceback (most recent call last)"),
