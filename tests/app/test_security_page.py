@@ -24,7 +24,9 @@ import pytest
 import shapely
 from moto.server import ThreadedMotoServer
 
+import furrowmap
 from furrowmap.cli.main import COMMANDS
+from furrowmap.exporters.reports import pages
 from tests.app.crops.test_growth import CRS, EAST, NORTH, PLOTS, write_flight
 from tests.app.crops.test_response import doses, table
 from tests.app.watched import Seen, strace, watched
@@ -41,6 +43,8 @@ KERNELS = "compiled kernels"
 ONLY_BY_STRACE = {"the database that it is given", ITSELF, "`uname`"}
 """What native libraries do, and processes that Python forks."""
 METADATA_SERVICE = "169.254.169.254"
+ROUTE_PROBE = ("2001:4860:4860::8888", 443)
+"""Chromium asks the kernel for a route there, over UDP, so that nothing is sent."""
 UNPICKLED_BY = {
     "/numba/core/": KERNELS,
     "/multiprocessing/": WORKERS,
@@ -373,6 +377,16 @@ def test_page__says_no_more_than_commands_do(seen: list[tuple[Sample, Seen]], se
         for column, phrases in stated(cells).items():
             unseen[cells[0], column] = phrases - found[column] - (set() if strace() else ONLY_BY_STRACE)
     assert {place: phrases for place, phrases in unseen.items() if phrases} == {}
+
+
+def test_browser__asks_nobody_when_it_prints_a_report(result: furrowmap.Result, tmp_path: Path) -> None:
+    """Chromium asks its maker for updates and experiments, unless it is told otherwise."""
+    if pages.browser() is None or strace() is None:
+        pytest.skip("no Chromium, Chrome or Edge, or no strace")
+    folder = shutil.copytree(result.path, tmp_path / "result")
+    seen = watched([FURROWMAP, "report", folder, "--pdf"], tmp_path, tmp_path / "watched")
+    assert (folder / "report.pdf").read_bytes().startswith(b"%PDF"), seen.said
+    assert seen.connected <= {ROUTE_PROBE}
 
 
 def test_promise_23__nothing_is_made_where_others_can_reach_it(seen: list[tuple[Sample, Seen]]) -> None:
