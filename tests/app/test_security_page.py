@@ -134,7 +134,10 @@ SAMPLES = (
     Sample("fields TASKDATA -o fields.gpkg"),
     Sample("plots -o made.gpkg --crs EPSG:6677 --corner 0,0 --azimuth 86 --rows 2 --columns 2 --length 2 --width 1"),
     Sample("response heights.csv --treatments doses.csv -o response"),
-    *(Sample(f"export result --to {to} -o exported/{to}") for to in ("gpkg", "geoparquet", "csv", "isoxml", "stac")),
+    *(
+        Sample(f"export result --to {to} -o exported_{to}{'.gpkg' * (to == 'gpkg')}")
+        for to in ("gpkg", "geoparquet", "csv", "isoxml", "stac")
+    ),
     Sample("report result --pdf", {"browser": "a browser, with `--pdf`"}, variables={"FURROWMAP_BROWSER": "{browser}"}),
     Sample("share result -o shared"),
     Sample("share result --qfield -o qfield", statuses=(0, 1, 4)),
