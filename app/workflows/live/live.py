@@ -169,8 +169,9 @@ def _serve(
             )
         if nmea_port is not None:
             servers.append(serve_lines(hosts[0], nmea_port, outlets.lines))
-    except OSError as error:
-        raise UsageError("usage.live-port", port=port, nmea_port=nmea_port, error=error.strerror) from None
+    except (OSError, OverflowError) as error:  # OverflowError: of a number that is no port
+        fault = getattr(error, "strerror", None) or error
+        raise UsageError("usage.live-port", port=port, nmea_port=nmea_port, error=fault) from None
     finally:
         for server in servers:
             closing.callback(server.shutdown)

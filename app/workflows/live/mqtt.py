@@ -33,10 +33,11 @@ class MqttOutlet:
     def __init__(self, url: str) -> None:
         try:
             parts = urlsplit(url)
-            port = parts.port or PORTS[parts.scheme]
+            port = parts.port if parts.port is not None else PORTS[parts.scheme]
+            (parts.hostname or "").encode("idna")  # as the resolver does
         except (KeyError, ValueError):
             raise UsageError("usage.live-mqtt", url=url) from None
-        if not parts.hostname:
+        if not parts.hostname or not port or parts.scheme not in PORTS:
             raise UsageError("usage.live-mqtt", url=url)
         try:
             from paho.mqtt.client import Client

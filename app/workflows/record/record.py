@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from furrowmap.core.geodesy.crs_choice import choose_crs
 from furrowmap.core.readers.arrived_positions import ArrivedPositions
-from furrowmap.core.runtime.errors import Notice, RefusedError
+from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
 from furrowmap.core.values.machine import Machine, MachineRecord
 from furrowmap.workflows.record.gnss_source import GnssSource
 from furrowmap.workflows.record.network import BUFFER_BYTES, PCAP_HEAD, USUAL_PORTS, Port, ScannerNetwork
@@ -87,7 +87,7 @@ def record(
         InputError: if there is no such machine.
         OSError: if the folder cannot be written to.
         RefusedError: if a port is in use.
-        UsageError: if a source is none.
+        UsageError: if a source or a port is none.
     """
     folder = Path(folder)
     profile, lacking = machine_for(machine, folder) if machine is not None else (Machine(), [])
@@ -171,6 +171,8 @@ def open_ports(stated: Sequence[Sequence[int]], lasting: list[Notice]) -> list[P
     opened = []
     for scanner, numbers in enumerate(stated):
         for number in numbers or USUAL_PORTS:
+            if not 0 < number < 1 << 16:
+                raise UsageError("usage.record-port", port=number)
             try:
                 opened.append(Port.open(number, scanner))
             except RefusedError as error:

@@ -268,6 +268,9 @@ def test_sources__that_cannot_be_used_are_refused(tmp_path: Path, capsys: pytest
     assert "Neither FOLDER nor --from" in capsys.readouterr().err
     assert command_line(["live", str(tmp_path), "--from", "session.toml"]) == 2
     assert "both given" in capsys.readouterr().err
+    for port in (65_536, -1):
+        with pytest.raises(furrowmap.UsageError, match="cannot be used"):
+            furrowmap.live(tmp_path, host="127.0.0.1", port=port, nmea_port=None)
     taken = socket.create_server(("127.0.0.1", 0))
     with taken, pytest.raises(furrowmap.UsageError, match="cannot be used"):
         furrowmap.live(tmp_path, host="127.0.0.1", port=taken.getsockname()[1], nmea_port=None)

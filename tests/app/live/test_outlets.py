@@ -116,7 +116,8 @@ def test_mqtt__says_why_it_sends_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
         outlet.close()
     assert outlet.fault is not None
     assert "Not authorized" in outlet.fault.text
-    for url in ("broker.example.org", "http://127.0.0.1", "mqtt://", "mqtt://host:port"):
+    others = ("mqtt://host:0", "mqtt://host:99999", "mqtt://192.168.1..30", "http://127.0.0.1:1883")
+    for url in ("broker.example.org", "http://127.0.0.1", "mqtt://", "mqtt://host:port", *others):
         with pytest.raises(furrowmap.UsageError, match="no address of an MQTT broker"):
             MqttOutlet(url)
     monkeypatch.setitem(sys.modules, "paho.mqtt.client", None)
