@@ -39,6 +39,7 @@ COLUMNS = ("connects to", "listens on", "starts", "unpickles")
 NOTHING = "nothing"
 ITSELF = "itself"
 WORKERS = "its own workers"
+OWN = "itself, on the loopback"
 KERNELS = "compiled kernels"
 ONLY_BY_STRACE = {"the database that it is given", ITSELF, "`uname`"}
 """What native libraries do, and processes that Python forks."""
@@ -88,7 +89,11 @@ class Sample:
 
 STORE = {"s3": "the stores that it is given"}
 LIVE = {"page": "`--port` and `--nmea-port`", "nmea": "`--port` and `--nmea-port`"}
-RECORD = {"scanner": "the UDP ports that it records", "receiver": "the receivers of `--gnss`"}
+RECORD = {
+    "sender": "scanners that it records",
+    "scanner": "the UDP ports that it records",
+    "receiver": "the receivers of `--gnss`",
+}
 AWS = {
     "AWS_ENDPOINT_URL": "http://127.0.0.1:{s3}",
     "AWS_DEFAULT_REGION": "us-east-1",
@@ -109,7 +114,7 @@ SAMPLES = (
     ),
     Sample("record -o recorded --ports {scanner} --gnss tcp://127.0.0.1:{receiver} --duration 6", RECORD),
     Sample("batch drive -o results --workers 1"),
-    Sample("batch drive -o results --workers 2 --overwrite", {"uname": "`uname`"}),
+    Sample("batch drive -o results_of_two --workers 2", {"uname": "`uname`"}),
     Sample("batch s3://season/in -o s3://season/out --workers 1", STORE, variables=AWS | KEYS),
     Sample(
         "batch s3://season/in -o s3://season/out --workers 1",
@@ -227,14 +232,13 @@ def close_at_once(listener: socket.socket) -> None:
             threading.Timer(0.5, connection.close).start()
 
 
-def send_packets(port: int) -> None:
-    """Packets of a Velodyne, for ever."""
+def send_packets(sender: socket.socket, port: int) -> None:
+    """Packets of a Velodyne, until the socket is closed."""
     packet = b"\xff\xee" + bytes(1198) + b"\0\0\0\0\x37\x22"
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        while True:
-            with suppress(OSError):
-                sender.sendto(packet, ("127.0.0.1", port))
-            time.sleep(0.2)
+    while sender.fileno() >= 0:
+        with suppress(OSError):
+            sender.sendto(packet, ("127.0.0.1", port))
+        time.sleep(0.2)
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +255,8 @@ def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Servers]:
         for name in ("broker", "receiver", "database"):
             listener = made.listen(name, stack)
             threading.Thread(target=close_at_once, args=(listener,), daemon=True).start()
-        threading.Thread(target=send_packets, args=(made.ports["scanner"],), daemon=True).start()
+        sender = made.listen("sender", stack, socket.SOCK_DGRAM)
+        threading.Thread(target=send_packets, args=(sender, made.ports["scanner"]), daemon=True).start()
         store = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
         store.start()
         stack.callback(store.stop)
@@ -303,7 +308,7 @@ def connections(sample: Sample, seen: Seen, ports: Mapping[str, int]) -> set[str
         if port in named and (host in LOOPBACK or host == METADATA_SERVICE):
             found.add(named[port])
         elif host in LOOPBACK:
-            found |= {WORKERS} if port else set()
+            found |= {OWN} if port else set()
         elif (host, port) not in ((METADATA_SERVICE, 0), ("", 0)):
             found.add(f"{host}:{port}")
     return found
@@ -314,7 +319,7 @@ def listeners(sample: Sample, seen: Seen, ports: Mapping[str, int]) -> set[str]:
     named = {ports[name]: phrase for name, phrase in sample.phrases.items() if name in ports}
     probe = ("::1", 0)  # urllib3 looks whether there is IPv6; it listens at nothing
     return {
-        named.get(port, WORKERS if (host, port) == ("127.0.0.1", 0) else f"{host}:{port}")
+        named.get(port, OWN if (host, port) == ("127.0.0.1", 0) else f"{host}:{port}")
         for host, port in seen.bound - {probe}
     }
 

@@ -40,7 +40,7 @@ def install(folder=os.environ["WATCHED"], temporary=os.environ["TMPDIR"]):
     def watch(event, arguments):
         if event in ("socket.connect", "socket.bind", "socket.sendto"):
             put(event, address=str(arguments[1]) if not isinstance(arguments[1], tuple) else list(arguments[1][:2]),
-                kind=int(getattr(arguments[0], "type", 0)))
+                socket=id(arguments[0]))
         elif event in ("socket.getaddrinfo", "socket.gethostbyname", "socket.gethostbyaddr"):
             put(event, address=[os.fsdecode(arguments[0] or ""), 0])
         elif event == "subprocess.Popen":
@@ -65,7 +65,7 @@ install()
 del install
 """
 """No part of it may raise, nor leave names to the program."""
-CALL = re.compile(r"^(\d+) +(connect|bind)\(\d+, \{sa_family=AF_INET6?, (.*)")
+CALL = re.compile(r"^(\d+) +(connect|bind)\((\d+), \{sa_family=AF_INET6?, (.*)")
 EXECUTION = re.compile(r'^(\d+) +execve\("((?:[^"\\]|\\.)*)"(.*)$')
 RESUMED = re.compile(r"^(\d+) +<\.\.\. execve resumed>.* = 0$")
 PORT = re.compile(r"sin6?_port=htons\((\d+)\)")
@@ -137,13 +137,20 @@ def watched(
     )
     seen = Seen(done.returncode, done.stdout.decode(errors="replace"))
     events = [json.loads(line) for path in notes.iterdir() for line in path.read_text().splitlines()]
-    for event in events:
-        _add_event(seen, event)
+    for event, after in zip(events, [*events[1:], {}], strict=True):
+        if not _is_source(event, after):
+            _add_event(seen, event)
     if sum(event["event"] == "start" for event in events) > 1:
         seen.programs.add(sys.executable)
     seen.shared.difference_update(_own(event) for event in events)
     _add_calls(seen, trace.read_text(errors="replace").splitlines())
     return seen
+
+
+def _is_source(event: dict[str, Any], after: dict[str, Any]) -> bool:
+    """Whether a socket is bound only to connect from there: nothing listens at it."""
+    connects = (event["event"], after.get("event")) == ("socket.bind", "socket.connect")
+    return connects and (event["pid"], event["socket"]) == (after["pid"], after["socket"])
 
 
 def _add_event(seen: Seen, event: dict[str, Any]) -> None:
@@ -171,14 +178,20 @@ def _own(event: dict[str, Any]) -> str | None:
 def _add_calls(seen: Seen, lines: Sequence[str]) -> None:
     """What strace noted."""
     begun: dict[str, str] = {}
+    bound: list[tuple[str, str, tuple[str, int]]] = []
     for line in lines:
         if found := CALL.match(line):
-            place, port = ADDRESS.search(found[3]), PORT.search(found[3])
-            if place and port:
-                (seen.bound if found[2] == "bind" else seen.connected).add((place[1], int(port[1])))
+            place, port = ADDRESS.search(found[4]), PORT.search(found[4])
+            if place and port and found[2] == "bind":
+                bound.append((found[1], found[3], (place[1], int(port[1]))))
+            elif place and port:
+                seen.connected.add((place[1], int(port[1])))
+                if bound and bound[-1][:2] == (found[1], found[3]):  # it was bound only to connect from there
+                    bound.pop()
         elif found := EXECUTION.match(line):
             if found[3].endswith(" = 0"):
                 seen.programs.add(found[2])
             begun[found[1]] = found[2]
         elif found := RESUMED.match(line):
             seen.programs.add(begun[found[1]])
+    seen.bound.update(place for *_, place in bound)
