@@ -25,8 +25,9 @@ from typing import Any
 import numpy as np
 import pyogrio
 import tomli_w
-from misstated import LARGEST, conclude, finished, keep, options_of, part_of_ground, sentence
+from misstated import LARGEST, conclude, finished, keep, options_of, part_of_ground, placed, sentence
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from trajectory_error import Poses, load_trajectory, rms
 
 import furrowmap
@@ -36,10 +37,26 @@ from furrowmap.process import keep_kernels
 FloatArray = NDArray[np.float64]
 
 TABLE = Path(__file__).with_suffix(".toml")
-QUANTITIES = ("east", "north", "height", "roll", "pitch", "heading", "crop")
-AT_TOP = {"imu-clock-off": "clock", "imu-scale-off": "scale", "imu-frozen": "imu"}
-"""Codes of what was found and mended, which reports show beside the verdict, and what they name."""
+QUANTITIES = ("east", "north", "height", "roll", "pitch", "heading", "cloud", "crop")
+AT_TOP = {
+    "imu-clock-off": "clock",
+    "imu-scale-off": "scale",
+    "imu-frozen": "imu",
+    "imu-shaken": "unit",
+    "lever-arm-off": "scanner",
+    "scanner-clock-off": "clock",
+    "camera-times-off": "camera",
+    "camera-mounting-off": "camera",
+    "camera-tension": "camera",
+    "camera-residuals": "camera",
+    "images-not-adjusted": "camera",
+    "images-unreadable": "camera",
+    "control-points-unseen": "control",
+}
+"""Codes of what was found and mended, or left out, which reports show beside the verdict, and what they name."""
 DEGREE_M = 111_195.0
+BELOW_M = np.array([[x, y, -6.3] for x in (-1.0, 1.0) for y in (-4.0, -2.0, 0.0, 2.0, 4.0)])
+"""(m, 3) points of the ground under the vehicle, which stand for its cloud."""
 
 
 @dataclass(frozen=True)
@@ -110,14 +127,14 @@ def case(session: Path, misstated: Mapping[str, Any], *, with_images: bool) -> J
         except FurrowmapError as error:
             return Judged(causes, error.code)
         report = json.loads((folder / "out" / "report.json").read_text(encoding="utf-8"))
-        errors, sigmas = judged(session.parent / "truth", folder / "out" / "field.gpkg")
+        errors, sigmas = judged(session.parent / "truth", folder / "out" / "field.gpkg", report)
         if keep := os.environ.get("KEEP_REPORT"):
             shutil.copy(folder / "out" / "report.json", keep)
     cause = None if report["verdict"]["consistent"] is not False else report["verdict"].get("cause", "unknown")
     return Judged(causes, "", errors, sigmas, cause, sorted({warning["code"] for warning in report["warnings"]}))
 
 
-def judged(truth: Path, field: Path) -> tuple[dict[str, float], dict[str, float]]:
+def judged(truth: Path, field: Path, report: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, float]]:
     """RMS of errors and of stated sigmas by QUANTITIES; of the crop only where there are parcels."""
     poses, stated = load_trajectory(field)
     columns = np.genfromtxt(truth / "trajectory.csv", delimiter=",", names=True)
@@ -131,6 +148,8 @@ def judged(truth: Path, field: Path) -> tuple[dict[str, float], dict[str, float]
     stated = np.where(np.isfinite(stated), stated, 1e3)
     errors = {key: rms(off[:, k]) for k, key in enumerate(QUANTITIES[:6])}
     sigmas = {key: rms(stated[:, k]) for k, key in enumerate(QUANTITIES[:6])}
+    if lidar := report["calibration"] and report["calibration"].get("lidar"):
+        errors["cloud"], sigmas["cloud"] = _cloud(truth, report, lidar, poses, np.column_stack(true), stated)
     parcels = truth / "parcels_truth.csv"
     if parcels.is_file() and "parcels" in {name for name, _ in pyogrio.list_layers(field)}:
         with parcels.open(encoding="utf-8") as file:
@@ -142,12 +161,39 @@ def judged(truth: Path, field: Path) -> tuple[dict[str, float], dict[str, float]
     return errors, sigmas
 
 
+def _cloud(
+    truth: Path,
+    report: Mapping[str, Any],
+    lidar: Mapping[str, Any],
+    poses: Poses,
+    true: FloatArray,
+    stated: FloatArray,
+) -> tuple[float, float]:
+    """RMS of the error of the ground's points, all axes together, and the sigma that poses and mounting state."""
+    mounted = tomllib.loads((truth / "mounting_truth.toml").read_text(encoding="utf-8"))["lidar"]
+    session = report["session"]["lidar"]
+    used = lidar["rpy_deg"] if lidar["used"] else session["rpy_deg"]
+    place = lidar["xyz_m"] if lidar["used"] else session["xyz_m"]
+    turn = _mounted(used) * _mounted(mounted["rpy_deg"]).inv()
+    ours = turn.apply(BELOW_M - np.array(mounted["xyz_m"])) + np.array(place)
+    step = max(1, len(poses.t_s) // 500)
+    ours_m = placed(ours, Poses(poses.t_s[::step], poses.xyz_m[::step], poses.rph_deg[::step]))
+    true_m = placed(BELOW_M, Poses(poses.t_s[::step], true[::step, :3], true[::step, 3:]))
+    off_m = np.linalg.norm(ours_m - true_m, axis=2)
+    arms = np.sqrt(
+        [np.mean(BELOW_M[:, [1, 2]] ** 2) * 2, np.mean(BELOW_M[:, [0, 2]] ** 2) * 2, np.mean(BELOW_M[:, :2] ** 2) * 2]
+    )
+    angles = np.radians(np.hypot(stated[:, 3:], lidar["sigma_deg"]))
+    return rms(off_m.ravel()), rms(np.sqrt((stated[:, :3] ** 2).sum(axis=1) + ((angles * arms) ** 2).sum(axis=1)))
+
+
 def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_images: bool) -> Path:
     """The session in a folder with what is misstated, and its files beside it.
 
     Where neither positions, parcels nor check points are concerned, a part of the ground is mapped alone.
     """
     keys = tomllib.loads(session.read_text(encoding="utf-8"))
+    with_images = with_images or misstated.get("images", False)
     for table in (*misstated.get("without", ()), *(() if with_images else ("camera",))):
         keys.pop(table, None)
     for path in session.parent.iterdir():
@@ -158,7 +204,7 @@ def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_
         keys.setdefault(table, {})[key] = value
     if with_images and "camera" in keys:
         shutil.copytree(session.parent / "images", folder / "images")
-    for name, change in (("gnss", _positions), ("imu", _inertial), ("parcels", _parcels)):
+    for name, change in (("gnss", _positions), ("imu", _inertial), ("parcels", _parcels), ("points", _points)):
         if name in misstated:
             change(folder, keys, misstated[name])
     if not (misstated.keys() & {"gnss", "parcels"}) and misstated and "check_points" not in keys.get("field", {}):
@@ -173,7 +219,9 @@ def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_
 def _positions(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -> None:
     """Change the NMEA log: its times, qualities, standard deviations, geoid separations, or places in seconds."""
     path = folder / what.get("log", keys["recording"]["gnss"][0])
-    lines, first_s = [], None
+    lines: list[str] = []
+    first_s: float | None = None
+    frozen: dict[str, list[str]] = {}
     for text in path.read_text(encoding="ascii").splitlines():
         field = text.partition("*")[0].lstrip("$").split(",")
         kind = field[0][2:]
@@ -185,10 +233,21 @@ def _positions(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -
             begin_s, end_s = what.get("seconds", (0.0, np.inf))
             if begin_s <= at_s - first_s < end_s:
                 _change_sentence(kind, field, what, at_s - first_s)
+                if "frozen" in what:
+                    _freeze(field, frozen.setdefault(kind, field.copy()), what["frozen"])
         if kind == "GST" and what.get("without_gst"):
             continue
         lines.append(sentence(field))
     (folder / keys["recording"]["gnss"][0]).write_text("\r\n".join(lines) + "\r\n", encoding="ascii")
+
+
+def _freeze(field: list[str], first: Sequence[str], what: str) -> None:
+    """Put the height, the place or both of a sentence of that kind into another one."""
+    if what in ("height", "all") and field[0].endswith("GGA"):
+        field[9] = first[9]
+    if what in ("place", "all") and field[0][-3:] in ("GGA", "RMC"):
+        at = 2 if field[0].endswith("GGA") else 3
+        field[at : at + 4] = first[at : at + 4]
 
 
 def _time_of_day(at_s: float) -> str:
@@ -203,18 +262,44 @@ def _change_sentence(kind: str, field: list[str], what: Mapping[str, Any], since
             field[6] = str(what["quality"])
         if "separation_m" in what:
             field[11] = f"{what['separation_m']:.3f}"
-        up_m = what.get("up_m", 0.0) + what.get("up_mps", 0.0) * since_s
-        field[9] = f"{float(field[9]) + up_m:.4f}"
+        height_m = float(field[9]) + _moved_m(what, "up", since_s)
+        if "up_step_m" in what:
+            height_m = what["up_step_m"] * round(height_m / what["up_step_m"])
+        field[9] = f"{height_m:.4f}"
     elif kind == "GST" and "sigma_m" in what:
         field[6:9] = [f"{what['sigma_m']:.3f}", f"{what['sigma_m']:.3f}", f"{2.0 * what['sigma_m']:.3f}"]
     if kind in ("GGA", "RMC"):
         at = 2 if kind == "GGA" else 3
         lat_deg = float(field[at][:2]) + float(field[at][2:]) / 60.0
         for i, axis, by in ((at, "north", 1.0), (at + 2, "east", np.cos(np.radians(lat_deg)))):
-            move_m = what.get(f"{axis}_m", 0.0) + what.get(f"{axis}_mps", 0.0) * since_s
+            move_m = _moved_m(what, axis, since_s)
             width = 2 if axis == "north" else 3
             minutes = float(field[i][width:]) + 60.0 * move_m / (DEGREE_M * by)
             field[i] = f"{field[i][:width]}{minutes:011.8f}"
+
+
+def _moved_m(what: Mapping[str, Any], axis: str, since_s: float) -> float:
+    """By how much an axis is moved: a constant, a creep, a wave of an amplitude and a period, steps of a size."""
+    moved_m: float = what.get(f"{axis}_m", 0.0) + what.get(f"{axis}_mps", 0.0) * since_s
+    wave_m, period_s = what.get(f"{axis}_wave", (0.0, 1.0))
+    step_m, every_s = what.get(f"{axis}_stairs", (0.0, 1.0))
+    return float(moved_m + wave_m * np.sin(2.0 * np.pi * since_s / period_s) + step_m * (since_s // every_s))
+
+
+def _mounted(rpy_deg: Sequence[float]) -> Rotation:
+    return Rotation.from_euler("ZYX", rpy_deg[::-1], degrees=True)
+
+
+def _points(folder: Path, _: Mapping[str, Any], what: Mapping[str, Any]) -> None:
+    """Exchange the heights of the first two surveyed points of a file, or move all."""
+    path = folder / what["file"]
+    head, *rows = path.read_text(encoding="utf-8").splitlines()
+    cells = [row.split(",") for row in rows]
+    if what.get("swapped"):
+        cells[0][3], cells[1][3] = cells[1][3], cells[0][3]
+    for row in cells:
+        row[3] = f"{float(row[3]) + what.get('up_m', 0.0):.3f}"
+    path.write_text("\n".join([head, *(",".join(row) for row in cells)]) + "\n", encoding="utf-8")
 
 
 def _inertial(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -> None:
@@ -227,6 +312,9 @@ def _inertial(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) ->
     values[:, 0] += what.get("late_s", 0.0) + what.get("drift", 0.0) * (values[:, 0] - first_s)
     values[:, 1:4] *= what.get("rate_times", 1.0)
     values[:, 4:7] *= what.get("force_times", 1.0)
+    if "order" in what:
+        order = np.array(what["order"])
+        values[:, 1:7] = np.hstack([values[:, 1 + order], values[:, 4 + order]])
     if "frozen" in what:
         begin_s, end_s = what["seconds"]
         since = values[:, 0] - first_s
@@ -246,11 +334,24 @@ def _parcels(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -> 
     path = folder / keys["parcels"]["file"]
     layer = json.loads(path.read_text(encoding="utf-8"))
     by = np.array([what.get("east_m", 0.0), what.get("north_m", 0.0)])
+    every = np.array([point[:2] for one in layer["features"] for point in one["geometry"]["coordinates"][0]])
+    middle = every.mean(axis=0)
+    if what.get("ids") == "reversed":
+        names = [one["properties"]["id"] for one in layer["features"]]
+        for one, name in zip(layer["features"], names[::-1], strict=True):
+            one["properties"]["id"] = name
 
     def moved(rings: list[list[list[float]]]) -> list[list[list[float]]]:
         lat_deg = rings[0][0][1]
         scale = np.array([DEGREE_M * np.cos(np.radians(lat_deg)), DEGREE_M])
-        return [[[*(np.array(point[:2]) + by / scale).tolist(), *point[2:]] for point in ring] for ring in rings]
+        mirror = np.array(what.get("times", (1.0, 1.0)))
+
+        def place(point: list[float]) -> list[float]:
+            at = middle + mirror * (np.array(point[:2]) - middle) + by / scale
+            east, north = at.tolist()
+            return [north, east] if what.get("swapped") else [east, north]
+
+        return [[[*place(point), *point[2:]] for point in ring] for ring in rings]
 
     for feature in layer["features"]:
         shape: dict[str, Any] = feature["geometry"]
