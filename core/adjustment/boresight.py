@@ -25,6 +25,7 @@ from furrowmap.core.adjustment.cell_heights import (
     smooth_groups,
 )
 from furrowmap.core.adjustment.strips import LASER_GROUPS, StripReturns, at_shifted_times
+from furrowmap.core.adjustment.turned_mounting import level_mountings, turned_mountings
 from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.errors import Notice
@@ -58,6 +59,14 @@ SETTLED_CORRECTIONS: Final = np.array([*np.radians([0.001, 0.001, 0.001]), 1e-5,
 MIN_GROUPS: Final = 500
 MAX_BORESIGHT_SIGMA_DEG: Final = 0.2
 """Largest standard deviation of an angle with which the boresight is used."""
+MAX_DRAWN_DEG: Final = 3.0
+"""A scanner or an IMU is mounted as drawn to a degree or so."""
+MAX_COINCIDING_M: Final = 0.1
+"""Ground that is seen at several times coincides to less with a mounting that is right, whatever else is wrong."""
+TURNED_SHARE: Final = 0.6
+"""A mounting that is turned must leave less than this share of the scatter."""
+USUAL_OFFSETS_S: Final = (0.25, 0.5, 1.0, 2.0, 18.0, 19.0, 37.0)
+"""Offsets of clocks: delays, whole seconds, and those between GPS time, UTC and TAI."""
 MAX_CREEP_ROUNDS: Final = 12
 """Ground rises and falls within decimetres, so that differences show a part of a larger creep at once."""
 MIN_CREEP_GAIN: Final = 50.0
@@ -115,13 +124,33 @@ class Boresight:
     clock_used_s: float = 0.0
 
     @property
+    def coincides(self) -> bool:
+        """Whether the ground coincides so well that what it shows beside the mounting can be believed."""
+        return self.certain and self.scatter_m[1] < MAX_COINCIDING_M
+
+    @property
+    def lies_apart(self) -> bool:
+        """Whether ground that is seen at several times does not coincide, and only a mounting far off comes near."""
+        return self.scatter_m[1] >= MAX_COINCIDING_M and self.turned_deg >= MAX_DRAWN_DEG
+
+    @property
+    def turned_deg(self) -> float:
+        """Angle between the stated mounting and this one."""
+        return float(np.linalg.norm(self.correction_deg))
+
+    @property
     def differs(self) -> bool:
         """Whether an angle is off the stated one by more than three standard deviations."""
         return any(abs(off) > 3.0 * sigma for off, sigma in zip(self.correction_deg, self.sigma_deg, strict=True))
 
 
 def boresight(
-    returns: StripReturns, trajectory: Trajectory, stated: Mounting, carrier: Trajectory | None = None
+    returns: StripReturns,
+    trajectory: Trajectory,
+    stated: Mounting,
+    carrier: Trajectory | None = None,
+    *,
+    place_known: bool = False,
 ) -> Boresight | None:
     """The boresight; None where too little ground is seen at several times.
 
@@ -132,21 +161,26 @@ def boresight(
         returns: of the scanner, with their poses.
         stated: the mounting as the session states it.
         carrier: trajectory of the frame that carries the scanner, whose poses the returns have; None for the vehicle's.
+        place_known: whether the place stays as stated, whatever the ground says.
     """
     if len(returns) < MIN_GROUPS:
         return None
     carrier = trajectory if carrier is None else carrier
     begin = _State(stated.rotation, np.asarray(stated.xyz_m, np.float64), 0.0)
-    observed = _observe(returns, carrier, begin)
-    settled = observed and _settle(returns, carrier, begin, observed, np.arange(PARAMETERS) < CLOCK_COLUMN)
+    settled = _settled_or_turned(returns, carrier, begin, stated)
     if settled is None:
         return None
-    first_m, off = settled.first_m, np.abs(settled.free.values)
-    # The angles are corrected, and what else is certainly another than stated.
-    freed = (off > CERTAINLY_OFF_SIGMAS * np.sqrt(np.diag(settled.free.covariance))) & (off > MIN_OFF)
-    freed[:CLOCK_COLUMN] = True
-    if freed[CLOCK_COLUMN:].any():
-        settled = _settle(returns, carrier, settled.state, settled.observed, freed) or settled
+    first_m = settled.first_m
+    # What else is certainly another than stated is corrected as well: the clock first, which looks like a place.
+    freed = np.arange(PARAMETERS) < CLOCK_COLUMN
+    freed[CLOCK_COLUMN] = settled.state.clock_s != 0.0
+    for columns in (slice(CLOCK_COLUMN, CLOCK_COLUMN + 1), PLACE_COLUMNS):
+        certain = _certainly_off(settled.free)
+        if columns == PLACE_COLUMNS and (place_known or settled.fitted.apart_m > MAX_COINCIDING_M):
+            break
+        if certain[columns].any():
+            freed[columns] |= certain[columns]
+            settled = _settle(returns, carrier, settled.state, settled.observed, freed) or settled
     state, fitted, free = settled.state, settled.fitted, settled.free
     own = np.degrees(np.sqrt(np.diag(fitted.covariance)))
     inside = (trajectory.t_s >= returns.t_s[0]) & (trajectory.t_s <= returns.t_s[-1])
@@ -157,14 +191,17 @@ def boresight(
     value[CLOCK_COLUMN] += state.clock_s - begin.clock_s
     value[PLACE_COLUMNS] += state.place_m - begin.place_m
     free_sigma = np.where(np.arange(PARAMETERS) < CLOCK_COLUMN, np.degrees(spread), spread)
+    correction_deg = np.degrees(Rotation.from_matrix(state.rotation @ stated.rotation.T).as_rotvec())
+    turned_deg = float(np.linalg.norm(correction_deg))
     return Boresight(
         Mounting.from_rotation(three(state.place_m), state.rotation),
-        three(np.degrees(Rotation.from_matrix(state.rotation @ stated.rotation.T).as_rotvec())),
+        three(correction_deg),
         three(sigma),
         (state.clock_s + float(fitted.values[CLOCK_COLUMN]), clock_sigma_s),
         (first_m, fitted.apart_m),
         int(settled.observed[0].cell.max()) + 1,
-        bool((sigma < MAX_BORESIGHT_SIGMA_DEG).all()),
+        bool((sigma < MAX_BORESIGHT_SIGMA_DEG).all())
+        and (fitted.apart_m < MAX_COINCIDING_M or turned_deg < MAX_DRAWN_DEG),
         FreeFit(value, free_sigma, free.covariance / np.outer(spread, spread)),
         state.clock_s,
     )
@@ -203,10 +240,49 @@ class _Settled:
     observed: _Observed
 
 
+def _certainly_off(free: _Fit) -> NDArray[np.bool_]:
+    """(7,) which parameters are off by more than is worth a correction, and certainly."""
+    off = np.abs(free.values)
+    out: NDArray[np.bool_] = (off > CERTAINLY_OFF_SIGMAS * np.sqrt(np.diag(free.covariance))) & (off > MIN_OFF)
+    return out
+
+
+def _settled_or_turned(returns: StripReturns, carrier: Trajectory, begin: _State, stated: Mounting) -> _Settled | None:
+    """Angles corrected from the stated ones.
+
+    Where the ground does not coincide so, from other angles that may be meant, and from clocks that are off by usual
+    offsets, if it fits much better with these.
+    """
+    angles = np.arange(PARAMETERS) < CLOCK_COLUMN
+    observed = _observe(returns, carrier, begin)
+    settled = observed and _settle(returns, carrier, begin, observed, angles)
+    if settled is not None and settled.fitted.apart_m < MAX_COINCIDING_M:
+        return settled
+    best_m = settled.fitted.apart_m if settled is not None else np.inf
+    first_m = settled.first_m if settled is not None else np.nan
+    better: tuple[float, _State, _Observed] | None = None
+    clocks = [replace(begin, clock_s=sign * off_s) for off_s in USUAL_OFFSETS_S for sign in (1.0, -1.0)]
+    turns = level_mountings(returns, turned_mountings(stated), begin.place_m)
+    for state in (*(replace(begin, rotation=rotation) for rotation in turns), *clocks):
+        if (seen := _observe(returns, carrier, state)) is None:
+            continue
+        apart_m = _fit(seen, STATED_PRIOR).apart_m
+        if apart_m < best_m and (better is None or apart_m < better[0]):
+            better = apart_m, state, seen
+    if better is not None:
+        angles[CLOCK_COLUMN] = better[1].clock_s != 0.0
+    turned = better and _settle(returns, carrier, better[1], better[2], angles)
+    if turned is None or turned.fitted.apart_m > TURNED_SHARE * best_m:
+        return settled
+    return replace(turned, first_m=first_m if np.isfinite(first_m) else turned.first_m)
+
+
 def _observe(returns: StripReturns, carrier: Trajectory, state: _State) -> _Observed | None:
     """Heights of cells with the scanner in a state; None where too little ground is seen at several times."""
     if state.clock_s:
         returns = at_shifted_times(returns, carrier, state.clock_s)
+        if len(returns) < MIN_GROUPS:
+            return None
     length_s = max(BORESIGHT_WINDOW_S, float(np.ptp(returns.t_s)) / MAX_BORESIGHT_WINDOWS)
     window = ((returns.t_s - returns.t_s[0]) / length_s).astype(np.int64)
     heights = cell_heights(returns, window, state.rotation, state.place_m)

@@ -216,7 +216,13 @@ def timed_wrongly(trajectory: Trajectory, off_s: float) -> Trajectory:
 
 
 def calibrate_flight(
-    returns: StripReturns, located: Located, stated: Mounting, carrier: Trajectory | None, walk_deg_rts: float = 0.0
+    returns: StripReturns,
+    located: Located,
+    stated: Mounting,
+    carrier: Trajectory | None,
+    walk_deg_rts: float = 0.0,
+    *,
+    place_known: bool = False,
 ) -> tuple[Boresight | None, StripReturns, StripAdjustment | None]:
     """The boresight of a flight's scanner, and the poses adjusted with it where an IMU tells how their errors go.
 
@@ -225,6 +231,7 @@ def calibrate_flight(
         stated: the mounting as the session states it.
         carrier: trajectory of the frame that carries the scanner; None for the vehicle's.
         walk_deg_rts: random walk of the mounting's angles.
+        place_known: whether the scanner's place stays as stated.
 
     Returns:
         The boresight, None where too little ground is seen at several times; the returns at the scanner's clock as
@@ -235,7 +242,7 @@ def calibrate_flight(
         nullcontext() if work is None else beside(lambda _: work(ANY_TIME), silent)
     )
     with aside as errors:
-        found = boresight(returns, located.trajectory, stated, carrier)
+        found = boresight(returns, located.trajectory, stated, carrier, place_known=place_known)
     if found is None or not found.certain:
         return found, returns, None
     if found.clock_used_s:

@@ -1,15 +1,19 @@
-"""Whether parcels lie where the crop stands: by the rims of the crop, which parcels that are shifted miss together."""
+"""Whether parcels lie where the crop stands: by the rims of the crop, which parcels that are shifted miss together.
+
+Parcels of another place, or of a mirrored layout, stand out from the soil little or not at all, and do elsewhere.
+"""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 import shapely
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import distance_transform_edt
-from shapely.affinity import translate
+from shapely.affinity import scale, translate
+from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.areas.rings import pixels_in
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
@@ -23,6 +27,12 @@ SOIL_RING_M: Final = 0.3
 MIN_SHIFTED_PARCELS: Final = 3
 SHIFT_SIGMAS: Final = 5.0
 """Standard errors of the mean over the parcels by which a shifted layer must meet the crop better."""
+FAR_SHIFT_M: Final = 200.0
+"""Parcels of a neighbour's field are looked for up to this."""
+MAX_CONTRAST_SO: Final = 0.8
+"""Share of the contrast elsewhere, or mirrored, which parcels may have as they are stated."""
+MIN_SEEN_SHARE: Final = 0.8
+"""Share of the parcels that must be known elsewhere."""
 MIN_HEIGHT_SIGMAS: Final = 3.0
 """Stated standard deviations of a parcel's height by which the shift must change it."""
 
@@ -34,11 +44,18 @@ class ParcelShift:
     Attributes:
         east_m, north_m: to be added to the parcels' coordinates.
         height_off_m: by how much mean heights change with it (RMS over the parcels).
+        mirrored: whether they are mirrored about their middle first, east to west and north to south.
     """
 
     east_m: float
     north_m: float
     height_off_m: float
+    mirrored: tuple[bool, bool] = (False, False)
+
+    @property
+    def of_positions(self) -> bool:
+        """Whether positions may be off instead of the parcels."""
+        return not any(self.mirrored) and max(abs(self.east_m), abs(self.north_m)) <= MAX_PARCEL_SHIFT_M
 
 
 def parcel_shift(
@@ -52,26 +69,72 @@ def parcel_shift(
     if len(parcels) < MIN_SHIFTED_PARCELS or not np.isfinite(height_m).any():
         return None
     filled = _filled(height_m)
+    east_m, north_m = _best_shift(filled, grid, parcels, MAX_PARCEL_SHIFT_M)
+    if not (east_m or north_m):
+        return None
+    stated, moved = (_contrasts(filled, grid, parcels, by) for by in ((0.0, 0.0), (east_m, north_m)))
+    height_off_m = _certainly_better(moved - stated, height_sigma_m)
+    return ParcelShift(east_m, north_m, height_off_m) if height_off_m else None
+
+
+def parcels_elsewhere(
+    height_m: Float32Array, grid: Grid, parcels: Sequence[Parcel], height_sigma_m: float
+) -> ParcelShift | None:
+    """Another place, or a mirrored layout, with which parcels stand out that do not as they are stated; None for none.
+
+    `height_m` (rows, columns) is a surface with the crop and the parcels, nan where unknown.
+    """
+    if len(parcels) < MIN_SHIFTED_PARCELS or not np.isfinite(height_m).any():
+        return None
+    known, filled = np.isfinite(height_m), _filled(height_m)
+    stated = np.nan_to_num(_contrasts(np.where(known, filled, np.nan), grid, parcels, (0.0, 0.0)))
+    # Crop that stands where it is stated to stand may have a taller neighbour.
+    stands = float(stated.mean()) > SHIFT_SIGMAS * float(stated.std(ddof=1)) / np.sqrt(len(stated))
+    found: list[tuple[float, ParcelShift]] = []
+    for mirrored in ((True, False), (False, True), (True, True), *(() if stands else ((False, False),))):
+        turned, reach_m = _mirrored(parcels, mirrored), MAX_PARCEL_SHIFT_M if any(mirrored) else FAR_SHIFT_M
+        by_m = _best_shift(filled, grid, turned, reach_m)
+        moved = _contrasts(np.where(known, filled, np.nan), grid, turned, by_m)
+        seen = np.isfinite(moved)
+        if seen.mean() < MIN_SEEN_SHARE or stated.mean() > MAX_CONTRAST_SO * moved[seen].mean():
+            continue
+        if height_off_m := _certainly_better(moved - stated, height_sigma_m):
+            found.append((float(moved[seen].mean()), ParcelShift(*by_m, height_off_m, mirrored)))
+    return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _mirrored(parcels: Sequence[Parcel], mirrored: tuple[bool, bool]) -> list[Parcel]:
+    """The parcels mirrored about the middle of their extent."""
+    middle = shapely.box(*shapely.total_bounds([parcel.gross for parcel in parcels])).centroid
+    east, north = (-1.0 if flag else 1.0 for flag in mirrored)
+
+    def turned(shape: BaseGeometry) -> BaseGeometry:
+        return scale(shape, east, north, origin=middle)
+
+    return [replace(parcel, gross=turned(parcel.gross), net=turned(parcel.net)) for parcel in parcels]
+
+
+def _best_shift(filled: FloatArray, grid: Grid, parcels: Sequence[Parcel], reach_m: float) -> tuple[float, float]:
+    """East and north by which parcels, shifted up to `reach_m`, stand out most from the soil around."""
     kernel = np.sum([_contrast_kernel(parcel, grid) for parcel in parcels], axis=0)
     # By hand: importing scipy.signal would take longer than a whole start.
     size = [next_fast_len(2 * side - 1, real=True) for side in grid.shape]
     contrast = irfft2(rfft2(filled, size) * rfft2(kernel[::-1, ::-1], size), size)
-    reach = min(round(MAX_PARCEL_SHIFT_M / grid.cell_m), *(side - 1 for side in grid.shape))
+    reach = min(round(reach_m / grid.cell_m), *(side - 1 for side in grid.shape))
     middle = np.array(grid.shape) - 1
     near = contrast[middle[0] - reach : middle[0] + reach + 1, middle[1] - reach : middle[1] + reach + 1]
     row, column = np.unravel_index(int(np.argmax(near)), near.shape)
-    east_m, north_m = float(column - reach) * grid.cell_m, -float(row - reach) * grid.cell_m
-    if not (east_m or north_m):
-        return None
-    stated, moved = (_contrasts(filled, grid, parcels, by) for by in ((0.0, 0.0), (east_m, north_m)))
-    better = moved - stated
-    better = better[np.isfinite(better)]
-    if len(better) < MIN_SHIFTED_PARCELS:
-        return None
-    certain = better.mean() > SHIFT_SIGMAS * better.std(ddof=1) / np.sqrt(len(better))
-    height_off_m = float(np.sqrt(np.mean(better**2)))
-    matters = height_off_m > MIN_HEIGHT_SIGMAS * height_sigma_m
-    return ParcelShift(east_m, north_m, height_off_m) if certain and matters else None
+    return float(column - reach) * grid.cell_m, -float(row - reach) * grid.cell_m
+
+
+def _certainly_better(better_m: FloatArray, height_sigma_m: float) -> float:
+    """RMS of contrasts (n,) that are gained, in m; 0 where the gain is neither certain nor matters."""
+    better_m = better_m[np.isfinite(better_m)]
+    if len(better_m) < MIN_SHIFTED_PARCELS:
+        return 0.0
+    certain = better_m.mean() > SHIFT_SIGMAS * better_m.std(ddof=1) / np.sqrt(len(better_m))
+    height_off_m = float(np.sqrt(np.mean(better_m**2)))
+    return height_off_m if certain and height_off_m > MIN_HEIGHT_SIGMAS * height_sigma_m else 0.0
 
 
 def heights_by_place(

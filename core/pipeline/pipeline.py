@@ -16,7 +16,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.adjustment.boresight import Boresight, boresight_notices, held_against_strips
+from furrowmap.core.adjustment.boresight import MAX_DRAWN_DEG, Boresight, boresight_notices, held_against_strips
+from furrowmap.core.adjustment.height_creep import held_against_heights
 from furrowmap.core.adjustment.strip_adjustment import (
     StripAdjustment,
     calibrate_flight,
@@ -68,8 +69,6 @@ if TYPE_CHECKING:
 
 IMU_CLOCK_STEP_S: Final = 1e-4
 """The session's offset of the IMU's clock is as precise."""
-MAX_DRAWN_DEG: Final = 3.0
-"""A scanner or an IMU is mounted as drawn to a degree or so."""
 MIN_YAW_CHANGE_DEG: Final = 20.0
 """A mounting whose yaw differs by more sees the implement elsewhere."""
 ORIGIN_STEP_M: Final = 100.0
@@ -439,19 +438,27 @@ def _calibrate_flight(
     opened: OpenSession, guess: Located, returns: StripReturns, carrier: Trajectory | None
 ) -> tuple[Located, _FlightCalibration]:
     """Boresight, strips and their differences; the trajectory adjusted by the strips."""
+    located, flown = _calibrated(opened, guess, returns, carrier)
+    moved = flown.boresight is not None and flown.boresight.mounting.xyz_m != opened.session.lidar.xyz_m
+    if moved and any(notice.key == "contradiction.creep" for notice in located.notices):
+        # Ground that creeps from strip to strip looks like a scanner at another place, but not the other way round.
+        return _calibrated(opened, guess, returns, carrier, place_known=True)
+    return located, flown
+
+
+def _calibrated(
+    opened: OpenSession, guess: Located, returns: StripReturns, carrier: Trajectory | None, *, place_known: bool = False
+) -> tuple[Located, _FlightCalibration]:
+    """As :func:`_calibrate_flight`; `place_known` says that the scanner's place stays as stated."""
     stated, located = opened.session.lidar.mounting, guess
     walk = opened.session.lidar.rpy_walk_deg_rts
     ahead_s = _imu_ahead_s(opened.session, guess)
     by_imu = ahead_s != 0.0 and scanner_goes_with_imu(returns, guess.trajectory, stated, ahead_s, carrier)
     if by_imu:
         returns = at_shifted_times(returns, guess.trajectory if carrier is None else carrier, -ahead_s)
-    found, returns, adjusted = calibrate_flight(returns, guess, stated, carrier, walk)
+    found, returns, adjusted = calibrate_flight(returns, guess, stated, carrier, walk, place_known=place_known)
     if adjusted is not None:
-        trajectory = adjusted.trajectory
-        if any(notice.code == CONTRADICTION for notice in guess.notices):
-            # Strips know the errors of the poses by what the contradiction denies, so they do not make them smaller.
-            trajectory = replace(trajectory, sigma=np.maximum(trajectory.sigma, guess.trajectory.sigma))
-        located = replace(guess, trajectory=trajectory)
+        located = _adjusted_by_strips(guess, adjusted)
         carrier = _carrier_trajectory(opened, located, adjusted)[0]
         returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, 0.0)
     if found is not None and by_imu:
@@ -463,11 +470,29 @@ def _calibrate_flight(
     strips = find_strips(located.trajectory)
     used = _mounting(opened.session, None, found)
     differences = strip_differences(returns, strips, stated, used)
-    if found is not None and found.certain and not any(notice.code == CONTRADICTION for notice in located.notices):
+    if found is not None and found.coincides and not _contradicts(located):
         doubtful, creeps = held_against_strips(located.trajectory, returns, strips, used)
         if creeps is not None:
             located = replace(located, trajectory=doubtful, notices=(*located.notices, creeps))
     return located, _FlightCalibration(found, strips, differences, adjusted)
+
+
+def _adjusted_by_strips(guess: Located, adjusted: StripAdjustment) -> Located:
+    """The trajectory that strips adjusted; heights are held against what they find."""
+    trajectory = adjusted.trajectory
+    if _contradicts(guess):
+        # Strips know the errors of the poses by what the contradiction denies, so they do not make them smaller.
+        return replace(
+            guess, trajectory=replace(trajectory, sigma=np.maximum(trajectory.sigma, guess.trajectory.sigma))
+        )
+    if not adjusted.boresight.certain or adjusted.boresight.turned_deg > MAX_DRAWN_DEG:
+        return replace(guess, trajectory=trajectory)
+    trajectory, creeps = held_against_heights(trajectory, adjusted.before, adjusted.found)
+    return replace(guess, trajectory=trajectory, notices=(*guess.notices, *([creeps] if creeps is not None else [])))
+
+
+def _contradicts(located: Located) -> bool:
+    return any(notice.code == CONTRADICTION for notice in located.notices)
 
 
 def _held_against_mounting(
@@ -478,7 +503,9 @@ def _held_against_mounting(
     The ground shows by how much the scanner is turned against the IMU, not which of the two is as stated; a camera
     that is as stated says that the IMU is.
     """
-    turned_deg = float(np.linalg.norm(found.correction_deg)) if found is not None and found.certain else 0.0
+    if found is not None and not found.certain and found.lies_apart and not _contradicts(located):
+        return located, [Notice("contradiction.ground", scatter_m=found.scatter_m[1])]
+    turned_deg = found.turned_deg if found is not None and found.certain else 0.0
     camera_deg = float(np.linalg.norm(aid.adjusted.correction_deg)) if aid is not None else np.inf
     if turned_deg < MAX_DRAWN_DEG or camera_deg < MAX_DRAWN_DEG:
         return located, []

@@ -40,6 +40,7 @@ from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import CONTRADICTION, InputError, Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
+from furrowmap.core.trajectory.height_steps import without_height_steps
 from furrowmap.core.trajectory.held_positions import held_against_motion, without_held
 from furrowmap.core.trajectory.imu_clock import MIN_OFFSET_S, search_imu_clock
 from furrowmap.core.trajectory.inertial_adjustment import (
@@ -323,6 +324,7 @@ def trajectory_from_inertial(
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     gated = held_against_motion(gated, en, notices)
     notices += climb_notices(gated, en) if hints.on_wheels else []
+    gated, levels_m = without_height_steps(gated, notices)
     positions = positions_without_steps(gated, en)
     imu = replace(imu, noise=with_shown_noise(imu.noise, imu.track, notices))
     site, lever = site_of(gated, frame), np.asarray(lever_m, np.float64)
@@ -363,6 +365,7 @@ def trajectory_from_inertial(
         notices.append(contradiction)
     notices += turned
     trajectory = _as_doubtful(trajectory, found, contradiction, turned)
+    trajectory.sigma[:, 2] = np.hypot(trajectory.sigma[:, 2], levels_m)
     far = np.nan_to_num(adjusted.observed.normalised(adjusted.problem.knots, adjusted.state)) > FAR_OFF_SIGMAS
     if contradiction is None and far.any():
         notices.append(Notice("gnss-jumps.by-imu", unused=int(far.sum()), track=spans_in_words(gated, far)))

@@ -128,10 +128,12 @@ AT_TOP: Final = frozenset(
         "imu-clock-off",
         "imu-frozen",
         "imu-scale-off",
+        "lever-arm-off",
         "lever-assumed",
         "mounting-height",
         "mounting-identity",
         "mounting-off",
+        "scanner-clock-off",
         "slow-errors-assumed",
         "tool-apart",
     }
@@ -140,9 +142,13 @@ AT_TOP: Final = frozenset(
 
 FLIGHT_CAUSES: Final = {
     "contradiction.contradiction-notice": "mounting",
+    "contradiction.ground": "unknown",
+    "contradiction.height-creep": "creep",
     "imu-turned": "mounting",
     "geoid-separation": "geoid",
+    "gnss-height-steps": "positions",
     "parcels-beside-crop": "parcels",
+    "treatments-order": "treatments",
     CONTRADICTING: "camera",
     CHECK_POINTS_OFF: "check-points",
 }

@@ -68,6 +68,13 @@ def cells_of(path: Path, box_m: tuple[float, float, float, float], cell_m: float
     return read.astype(np.float32).filled(np.nan)[::step, ::step], grid
 
 
+def extent_of(path: Path) -> tuple[float, float, float, float]:
+    """West, south, east and north of a raster."""
+    with rasterio.open(path, driver="GTiff") as raster:
+        west, south, east, north = raster.bounds
+    return float(west), float(south), float(east), float(north)
+
+
 @dataclass(frozen=True)
 class CloudRasters:
     """Computes and writes the rasters of clouds; `box` is in their CRS, `span_s` the earliest and latest UTC."""

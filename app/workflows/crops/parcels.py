@@ -10,15 +10,24 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import shapely
 from pyproj import CRS
 
 from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
-from furrowmap.core.crops.placement import MAX_PARCEL_SHIFT_M, ParcelShift, heights_by_place, parcel_shift
+from furrowmap.core.crops.placement import (
+    FAR_SHIFT_M,
+    MAX_PARCEL_SHIFT_M,
+    ParcelShift,
+    heights_by_place,
+    parcel_shift,
+    parcels_elsewhere,
+)
 from furrowmap.core.crops.response import Response, dose_name, dose_unit, fit_response, parcel_doses
 from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster, site_soil
 from furrowmap.core.crops.soil import SOIL_CELL_M
+from furrowmap.core.crops.treatment_order import REVERSED, REVERSED_IN_BLOCKS, mistaken_order
 from furrowmap.core.crops.trial_tables import day_of, read_treatments, with_treatments
 from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.geodesy.projection import scale_at
@@ -28,10 +37,12 @@ from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box, Survey
 from furrowmap.core.readers.las.header import SIGNATURE
 from furrowmap.core.readers.las.tables import POINT_SIGNATURES
+from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import SOIL_METHODS, Parcel, SoilMethod
@@ -55,12 +66,13 @@ from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 from furrowmap.settings import ParcelSettings, SurfaceSettings, soil_file
 from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
-from furrowmap.workflows.clouds.rasters import CloudRasters, cells_of
+from furrowmap.workflows.clouds.rasters import CloudRasters, cells_of, extent_of
 from furrowmap.workflows.clouds.surface import no_warning
 
 SHIFT_CELL_M: Final = 0.1
 MAX_SHIFT_CELLS: Final = 2000
-"""Cells in which the crop is looked for beside the parcels, and how many of them lie along a side at most."""
+MAX_FAR_CELLS: Final = 600
+"""Cells in which the crop is looked for beside the parcels, and how many of them lie along a side at most; far away."""
 
 
 def parcels(
@@ -191,6 +203,7 @@ def write_parcels(
     day = local_day(origin.span_s[0], crs, (place.x, place.y)) if origin.span_s is not None else None
     treated, notices = _assign_treatments([row.parcel for row in found], settings, day)
     found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]
+    notices += _order_notices(found, settings)
     response = _response(found)
     layer = parcel_layer(found)
     write_parcel_table(folder / PARCEL_TABLE, layer)
@@ -222,14 +235,13 @@ def held_against_surface(written: WrittenParcels, folder: Path, place_sigma_m: t
     """
     parcels = [row.parcel for row in written.found]
     sigmas = np.array([row.figures.height_sigma_m for row in written.found])
-    if not (folder / DSM).is_file() or not np.isfinite(sigmas).any():
+    if not (folder / DSM).is_file():
         return written
-    bounds = np.array([parcel.gross.bounds for parcel in parcels])
-    west, south = (bounds[:, :2].min(axis=0) - MAX_PARCEL_SHIFT_M).tolist()
-    east, north = (bounds[:, 2:].max(axis=0) + MAX_PARCEL_SHIFT_M).tolist()
-    box_m = west, south, east, north
-    surface, grid = cells_of(folder / DSM, box_m, max(SHIFT_CELL_M, max(east - west, north - south) / MAX_SHIFT_CELLS))
-    shift = parcel_shift(surface, grid, parcels, float(np.nanmedian(sigmas)))
+    surface, grid = _surface_beside(folder, parcels)
+    sigma_m = float(np.nanmedian(sigmas)) if np.isfinite(sigmas).any() else 0.0
+    shift = parcel_shift(surface, grid, parcels, sigma_m)
+    if shift is None:
+        shift = parcels_elsewhere(*_surface_far_around(folder, parcels), parcels, sigma_m)
     doubted = max(place_sigma_m) > grid.cell_m and np.isfinite(surface).any()
     if shift is None and not doubted:
         return written
@@ -238,7 +250,13 @@ def held_against_surface(written: WrittenParcels, folder: Path, place_sigma_m: t
     if shift is not None:
         off_m = np.hypot(off_m, shift.height_off_m)
         shown = {"east_m": shift.east_m, "north_m": shift.north_m, "height_off_m": shift.height_off_m}
-        notices.append(Notice("parcels-beside-crop", **shown))
+        if shift.of_positions:
+            notices.append(Notice("parcels-beside-crop", **shown))
+        else:
+            east_west, north_south = shift.mirrored
+            notices.append(
+                Notice("parcels-beside-crop.elsewhere", **shown, is_east_west=east_west, is_north_south=north_south)
+            )
     found = []
     for row, off in zip(written.found, off_m.tolist(), strict=True):
         sigma_m = math.hypot(row.figures.height_sigma_m, off)
@@ -250,6 +268,40 @@ def held_against_surface(written: WrittenParcels, folder: Path, place_sigma_m: t
     write_parcel_sheet(folder / PARCEL_SHEET, layer)
     rows = [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))]
     return replace(written, found=found, account=written.account | {"parcels": rows}, notices=notices, shift=shift)
+
+
+def _order_notices(found: Sequence[MeasuredParcel], settings: ParcelSettings) -> list[Notice]:
+    """The notice that treatments are likely those of other parcels."""
+    parcels = [row.parcel for row in found]
+    name = dose_name(parcels)
+    if name is None or settings.treatments is None:
+        return []
+    heights_m = np.array([row.figures.mean_height_m for row in found])
+    order = mistaken_order(parcel_doses(parcels, name).tolist(), heights_m, [parcel.block for parcel in parcels])
+    if order is None:
+        return []
+    kind = {"is_reversed": order == REVERSED, "is_in_blocks": order == REVERSED_IN_BLOCKS}
+    kind["is_shifted"] = not any(kind.values())
+    return [Notice("treatments-order", treatments=Path(settings.treatments).name, **kind)]
+
+
+def _surface_beside(folder: Path, parcels: Sequence[Parcel]) -> tuple[Float32Array, Grid]:
+    """The surface in a folder around parcels, as far as they may be shifted."""
+    west, south, east, north = shapely.total_bounds([parcel.gross for parcel in parcels]).tolist()
+    reach_m = MAX_PARCEL_SHIFT_M
+    cell_m = max(SHIFT_CELL_M, (max(east - west, north - south) + 2.0 * reach_m) / MAX_SHIFT_CELLS)
+    return cells_of(folder / DSM, (west - reach_m, south - reach_m, east + reach_m, north + reach_m), cell_m)
+
+
+def _surface_far_around(folder: Path, parcels: Sequence[Parcel]) -> tuple[Float32Array, Grid]:
+    """Parcels, and the surface in a folder as far as others' parcels are looked for, in coarser cells."""
+    west, south, east, north = shapely.total_bounds([parcel.gross for parcel in parcels]).tolist()
+    seen = shapely.box(*extent_of(folder / DSM)).intersection(
+        shapely.box(west - FAR_SHIFT_M, south - FAR_SHIFT_M, east + FAR_SHIFT_M, north + FAR_SHIFT_M)
+    )
+    box_m = shapely.total_bounds([seen, shapely.box(west, south, east, north)]).tolist()
+    cell_m = max(SHIFT_CELL_M, max(box_m[2] - box_m[0], box_m[3] - box_m[1]) / MAX_FAR_CELLS)
+    return cells_of(folder / DSM, tuple(box_m), cell_m)
 
 
 def _response(found: Sequence[MeasuredParcel]) -> Response | None:

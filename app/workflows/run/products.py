@@ -200,7 +200,7 @@ class RunProducts:
 
 def _with_shift(found: RunResult, shift: ParcelShift | None) -> RunResult:
     """The result with larger standard deviations of the positions where parcels may be right, and the positions off."""
-    if shift is None:
+    if shift is None or not shift.of_positions:
         return found
     sigma = found.placement.poses.sigma.copy()
     sigma[:, :2] = np.hypot(sigma[:, :2], (shift.east_m, shift.north_m))

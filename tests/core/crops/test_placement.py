@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from shapely.affinity import translate
+from shapely.affinity import scale, translate
 
-from furrowmap.core.crops.placement import parcel_shift
+from furrowmap.core.crops.placement import parcel_shift, parcels_elsewhere
 from furrowmap.core.readers.areas.rings import pixels_in
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.parcel import Parcel
@@ -51,3 +51,56 @@ def test_right_parcels_and_bare_soil__are_not_doubted(height_m: float, off_m: fl
 
 def test_two_parcels__show_nothing() -> None:
     assert parcel_shift(crop(), GRID, parcels(1.0, 0.0)[:2], 0.005) is None
+
+
+WIDE = Grid.of_bounds(0.2, (960.0, 1960.0, 1080.0, 2060.0))
+LAYOUT = [*SOWN[:6], shapely.box(1022.0, 2016.0, 1024.0, 2020.0)]
+"""Not the same when it is mirrored."""
+
+
+def field(height_m: float = 0.5, *, known_m: float = 60.0) -> np.ndarray:
+    """Soil with noise, known so far from its middle, and a crop on the layout."""
+    rng = np.random.default_rng(2)
+    easting, northing = WIDE.centres_m()
+    out = 0.01 * (easting - 1000.0) + rng.normal(0.0, 0.01, WIDE.shape)
+    for shape in LAYOUT:
+        out += pixels_in(shape, WIDE) * height_m
+    away = np.maximum(np.abs(easting - 1020.0), np.abs(northing - 2010.0)[:, None])
+    return np.where(away < known_m, out, np.nan).astype(np.float32)
+
+
+def laid_out(east_m: float, north_m: float, times: tuple[float, float] = (1.0, 1.0)) -> list[Parcel]:
+    middle = shapely.box(*shapely.total_bounds(LAYOUT)).centroid
+    moved = [translate(scale(shape, *times, origin=middle), east_m, north_m) for shape in LAYOUT]
+    return [Parcel(str(k), shape, shape.buffer(-0.3)) for k, shape in enumerate(moved)]
+
+
+@pytest.mark.parametrize(("east_m", "north_m"), [(40.0, 0.0), (-20.0, 15.0), (0.0, 12.0)])
+def test_parcels_of_a_neighbour__are_found_with_their_shift(east_m: float, north_m: float) -> None:
+    found = parcels_elsewhere(field(known_m=25.0), WIDE, laid_out(east_m, north_m), 0.005)
+    assert found is not None
+    assert (found.east_m, found.north_m) == pytest.approx((-east_m, -north_m), abs=0.21)
+    assert found.mirrored == (False, False)
+    assert not found.of_positions
+    assert found.height_off_m > 0.3
+
+
+@pytest.mark.parametrize("times", [(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
+def test_mirrored_parcels__are_found(times: tuple[float, float]) -> None:
+    found = parcels_elsewhere(field(), WIDE, laid_out(0.0, 0.0, times), 0.005)
+    assert found is not None
+    assert found.mirrored == (times[0] < 0.0, times[1] < 0.0)
+    assert (found.east_m, found.north_m) == pytest.approx((0.0, 0.0), abs=0.21)
+    assert not found.of_positions
+
+
+@pytest.mark.parametrize("height_m", [0.5, 0.05, 0.0])
+def test_right_parcels_and_bare_soil__are_nowhere_else(height_m: float) -> None:
+    assert parcels_elsewhere(field(height_m), WIDE, laid_out(0.0, 0.0), 0.005) is None
+
+
+def test_a_taller_trial_beside__casts_no_doubt_on_the_right_parcels() -> None:
+    taller = field(0.2)
+    for shape in LAYOUT:
+        taller += pixels_in(translate(shape, 0.0, -25.0), WIDE) * np.float32(1.0)
+    assert parcels_elsewhere(taller, WIDE, laid_out(0.0, 0.0), 0.005) is None

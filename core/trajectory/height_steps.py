@@ -1,0 +1,65 @@
+"""Heights of positions that jump from one level to another, which no vehicle does between two epochs.
+
+Logs that hold ellipsoidal heights in one part and altitudes in another, receivers that were restarted with another
+geoid, and bases that were moved make such steps. Alignment and adjustment need a height that goes on, so that the parts
+are put on the level that most of the positions have. Which level is right, no step says.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.trajectory.positions import (
+    HEIGHT_JUMP_FLOOR_M,
+    JUMP_SIGMAS,
+    MAX_STEP_INTERVALS,
+    MIN_POSITIONS_FOR_STEPS,
+    sigmas_m,
+)
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.gnss import GnssTrack
+
+MAX_CLIMB_ACCELERATION_MPS2: Final = 10.0
+"""Of an aircraft or a vehicle between two epochs."""
+AROUND: Final = (-3, -2, -1, 1, 2, 3)
+"""Intervals beside one, whose median speed of climb is that of the vehicle."""
+
+
+def without_height_steps(track: GnssTrack, notices: list[Notice]) -> tuple[GnssTrack, float]:
+    """The track with heights on one level, and by how much the levels differ at most; 0 where there is one.
+
+    Args:
+        track: positions with heights, in the order of time.
+        notices: get one about steps.
+    """
+    if len(track) < MIN_POSITIONS_FOR_STEPS:
+        return track, 0.0
+    step_s = np.diff(track.t_s)
+    climb_mps = np.diff(track.height_m) / step_s
+    around = np.clip(np.arange(len(step_s))[:, None] + np.array(AROUND), 0, len(step_s) - 1)
+    step_m = (climb_mps - np.median(climb_mps[around], axis=1)) * step_s
+    sigma_m = sigmas_m(track)[:, 1]
+    reach_m = np.maximum(HEIGHT_JUMP_FLOOR_M, JUMP_SIGMAS * np.maximum(sigma_m[1:], sigma_m[:-1]))
+    reach_m += 0.5 * MAX_CLIMB_ACCELERATION_MPS2 * step_s**2
+    steps = np.flatnonzero((np.abs(step_m) > reach_m) & (step_s < MAX_STEP_INTERVALS * np.median(step_s)))
+    if not len(steps):
+        return track, 0.0
+    level = np.zeros(len(track), np.intp)
+    level[steps + 1] = 1
+    level = np.cumsum(level)
+    level_m = np.append(0.0, np.cumsum(step_m[steps]))
+    level_m -= level_m[np.argmax(np.bincount(level))]
+    most_m = float(np.abs(level_m).max())
+    notices.append(
+        Notice(
+            "gnss-height-steps",
+            source=track.source or "The GNSS log",
+            steps=len(steps),
+            most_m=most_m,
+            first=iso_utc(float(track.t_s[steps[0] + 1])),
+            last=iso_utc(float(track.t_s[steps[-1] + 1])),
+        )
+    )
+    return replace(track, height_m=track.height_m - level_m[level]), most_m

@@ -1,0 +1,60 @@
+"""Heights that jump between two levels are put on one; those of a vehicle that climbs are left as they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.trajectory.height_steps import without_height_steps
+from furrowmap.core.values.gnss import Fix, GnssTrack
+
+RATE_HZ = 10.0
+
+
+def track(height_m: np.ndarray) -> GnssTrack:
+    n, unknown = len(height_m), np.full(len(height_m), np.nan)
+    return GnssTrack(
+        t_s=1_779_529_272.0 + np.arange(n) / RATE_HZ,
+        lon_deg=np.full(n, 11.0),
+        lat_deg=np.full(n, 55.0),
+        height_m=height_m,
+        fix=np.full(n, Fix.FIXED, np.int8),
+        sigma_e_m=np.full(n, 0.01),
+        sigma_n_m=np.full(n, 0.01),
+        sigma_h_m=np.full(n, 0.02),
+        speed_mps=unknown,
+        course_deg=unknown,
+        heading_deg=unknown,
+        satellites=np.full(n, 12, np.int16),
+        hdop=unknown,
+        age_s=unknown,
+    )
+
+
+def flown() -> np.ndarray:
+    t_s = np.arange(300) / RATE_HZ
+    climb_m = 40.0 + 3.0 * np.sin(0.8 * t_s) + 2.0 * np.minimum(t_s, 10.0)
+    return np.asarray(climb_m + np.random.default_rng(0).normal(0.0, 0.02, 300))
+
+
+@pytest.mark.parametrize(
+    ("first", "end", "off_m"), [(200, 300, 36.6), (0, 80, -36.6), (100, 180, 2.0), (150, 151, 9.0)]
+)
+def test_heights_on_another_level__are_put_on_that_of_most(first: int, end: int, off_m: float) -> None:
+    mixed = flown()
+    mixed[first:end] += off_m
+    notices: list[Notice] = []
+    level, apart_m = without_height_steps(track(mixed), notices)
+    assert level.height_m == pytest.approx(flown(), abs=0.25)
+    assert apart_m == pytest.approx(abs(off_m), abs=0.2)
+    assert [notice.code for notice in notices] == ["gnss-height-steps"]
+
+
+def test_a_vehicle_that_climbs__has_one_level() -> None:
+    notices: list[Notice] = []
+    stated = track(flown())
+    level, apart_m = without_height_steps(stated, notices)
+    assert level is stated
+    assert apart_m == 0.0
+    assert notices == []
