@@ -12,8 +12,7 @@ import numpy as np
 import shapely
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import distance_transform_edt
-from shapely.affinity import scale, translate
-from shapely.geometry.base import BaseGeometry
+from shapely.affinity import translate
 
 from furrowmap.core.readers.areas.rings import pixels_in
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
@@ -105,11 +104,12 @@ def parcels_elsewhere(
 
 def _mirrored(parcels: Sequence[Parcel], mirrored: tuple[bool, bool]) -> list[Parcel]:
     """The parcels mirrored about the middle of their extent."""
-    middle = shapely.box(*shapely.total_bounds([parcel.gross for parcel in parcels])).centroid
-    east, north = (-1.0 if flag else 1.0 for flag in mirrored)
+    west, south, east, north = shapely.total_bounds([parcel.gross for parcel in parcels]).tolist()
+    middle = np.array([0.5 * (west + east), 0.5 * (south + north)])
+    signs = np.where(mirrored, -1.0, 1.0)
 
-    def turned(shape: BaseGeometry) -> BaseGeometry:
-        return scale(shape, east, north, origin=middle)
+    def turned(shape: shapely.Polygon) -> shapely.Polygon:
+        return shapely.transform(shape, lambda places: middle + signs * (places - middle))
 
     return [replace(parcel, gross=turned(parcel.gross), net=turned(parcel.net)) for parcel in parcels]
 
@@ -120,11 +120,11 @@ def _best_shift(filled: FloatArray, grid: Grid, parcels: Sequence[Parcel], reach
     # By hand: importing scipy.signal would take longer than a whole start.
     size = [next_fast_len(2 * side - 1, real=True) for side in grid.shape]
     contrast = irfft2(rfft2(filled, size) * rfft2(kernel[::-1, ::-1], size), size)
-    reach = min(round(reach_m / grid.cell_m), *(side - 1 for side in grid.shape))
+    rows, columns = (min(round(reach_m / grid.cell_m), side - 1) for side in grid.shape)
     middle = np.array(grid.shape) - 1
-    near = contrast[middle[0] - reach : middle[0] + reach + 1, middle[1] - reach : middle[1] + reach + 1]
+    near = contrast[middle[0] - rows : middle[0] + rows + 1, middle[1] - columns : middle[1] + columns + 1]
     row, column = np.unravel_index(int(np.argmax(near)), near.shape)
-    return float(column - reach) * grid.cell_m, -float(row - reach) * grid.cell_m
+    return float(column - columns) * grid.cell_m, -float(row - rows) * grid.cell_m
 
 
 def _certainly_better(better_m: FloatArray, height_sigma_m: float) -> float:

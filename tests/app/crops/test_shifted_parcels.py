@@ -72,3 +72,14 @@ def test_crop_whose_place_is_unsure__has_larger_sigmas(result: Path) -> None:
     assert (held.notices, held.shift) == ([], None)
     sigmas = [row.figures.height_sigma_m for row in held.found]
     assert 0.2 * CROP_M < min(sigmas) < max(sigmas) < CROP_M
+
+
+def test_parcels_of_a_neighbour__are_told_and_leave_the_positions_alone(result: Path) -> None:
+    held = held_against_surface(written(-40.0), result, SURE_M)
+    (notice,) = held.notices
+    assert notice.key == "parcels-beside-crop.elsewhere"
+    assert held.shift is not None
+    assert (held.shift.east_m, held.shift.north_m) == pytest.approx((40.0, 0.0), abs=0.11)
+    assert not held.shift.of_positions
+    assert "moved by +40.0 m east" in notice.text
+    assert "mirrored east" not in notice.text
