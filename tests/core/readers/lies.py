@@ -21,6 +21,8 @@ import numpy as np
 
 from tests.core.readers.osf_files import Blob, buffer, checked, numbers, osf_of, table, tables
 from tests.core.readers.test_ouster import recorded
+from tests.fuzz.inertial import INERTIAL
+from tests.fuzz.positions import POSITIONS
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -450,17 +452,26 @@ def ouster_metadata(change: Callable[[dict[str, object]], str]) -> Callable[[Pat
 
 
 def sbet(folder: Path) -> Path:
-    """Poses of a vehicle that stands, which compress to nothing."""
-    record = np.zeros(17)
-    record[:4] = (1.0, 0.9, 0.2, 100.0)
-    return packed(folder / "a.sbet.gz", record.tobytes(), record.tobytes(), 350 * MB)
+    """Poses of a vehicle that stands, which compress to nothing; their times increase at the beginning."""
+    records = np.zeros((300, 17))
+    records[:, :4] = (1.0, 0.9, 0.2, 100.0)
+    records[:, 0] += 0.005 * np.arange(300)
+    return packed(folder / "a.sbet.gz", records.tobytes(), records[-1:].tobytes(), 350 * MB)
 
 
-def stuttering(folder: Path, start: bytes, head: bytes, name: str) -> Path:
-    """The beginning of a frame that claims the largest length, again and again."""
-    path = folder / name
-    path.write_bytes(head + start * (3 * MB // len(start)))
-    return path
+def stuttering(entry: str, start: bytes) -> Callable[[Path], Path]:
+    """A sound file, and the beginning of a frame that claims the largest length again and again."""
+
+    def make(folder: Path) -> Path:
+        seeds = folder / "seeds"
+        seeds.mkdir()
+        made = next(each for each in (*POSITIONS, *INERTIAL) if each.name == entry).seeds(seeds)
+        name, data = next(iter(made[0].items()))
+        path = folder / name
+        path.write_bytes(data + start * (3 * MB // len(start)))
+        return path
+
+    return make
 
 
 NOVATEL: Final = b"\xaa\x44\x12\x1c\x2a\x00\x00\x20\xff\xff" + bytes(4)
@@ -523,10 +534,10 @@ LIES: Final[dict[str, tuple[str, Callable[[Path], Path]]]] = {
         ouster_metadata(lambda said: json.dumps(said).replace('"columns_per_frame": 1024', '"columns_per_frame": 1e9')),
     ),
     "sbet": ("recording", sbet),
-    "novatel": ("recording", lambda folder: stuttering(folder, NOVATEL, b"", "a.gps")),
-    "ubx": ("recording", lambda folder: stuttering(folder, b"\xb5\x62\x01\x07\xff\x1f", b"", "a.ubx")),
-    "sbf": ("recording", lambda folder: stuttering(folder, b"$@\0\0\xa7\x0f\xf8\xff", b"", "a.sbf")),
-    "gsof": ("recording", lambda folder: stuttering(folder, b"\x02", b"", "a.gsof")),
-    "vectornav": ("recording", lambda folder: stuttering(folder, VECTORNAV, b"", "a.vn")),
+    "novatel": ("recording", stuttering("novatel", NOVATEL)),
+    "ubx": ("recording", stuttering("ubx", b"\xb5\x62\x01\x07\xff\x1f")),
+    "sbf": ("recording", stuttering("sbf", b"$@\0\0\xa7\x0f\xf8\xff")),
+    "gsof": ("recording", stuttering("gsof", b"\x02")),
+    "vectornav": ("recording", stuttering("vectornav", VECTORNAV)),
 }
 """Kind of reading → a file in a folder."""
