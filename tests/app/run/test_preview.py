@@ -107,3 +107,16 @@ def test_preview__fails_where_the_run_would(loop: Path, tmp_path: Path) -> None:
         furrowmap.preview(tmp_path / "session.toml", tmp_path / "preview")
     assert refused.value.code == "no-common-time"
     assert not (tmp_path / "preview").exists()
+
+
+@pytest.mark.parametrize("span", ["", 'to = "2026-06-11T01:24:10Z"\n'])
+def test_promise_05__a_preview_names_the_wrong_model_also_of_a_part(span: str, loop: Path, tmp_path: Path) -> None:
+    text = (loop / "session.toml").read_text(encoding="utf-8").replace('model = "VLP-16"', 'model = "Puck Hi-Res"')
+    for path in loop.iterdir():
+        if path.is_file():
+            shutil.copyfile(path, tmp_path / path.name)
+    (tmp_path / "session.toml").write_text(text.replace("[recording]\n", f"[recording]\n{span}"), encoding="utf-8")
+    furrowmap.preview(tmp_path / "session.toml", tmp_path / "out", progress=Told())
+    account = json.loads((tmp_path / "out" / PREVIEW_REPORT).read_text(encoding="utf-8"))
+    assert "model-differs" in {warning["code"] for warning in account["warnings"]}
+    assert account["figures"]["duration_s"] == pytest.approx(60.4 if not span else 29.0, abs=3.0)
