@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.core.surfaces.passage import LineTrack, Passages
+from furrowmap.core.surfaces.passage import LinePassage, LineTrack, Passages
 from furrowmap.core.surfaces.spool import TilePoints
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.sweep import sweeps
+from furrowmap.core.work.sweep import PassTimes, sweeps
 
 SEARCHED_BESIDE_M: Final = 0.8
 """Width beside the stated line in which its ends are looked for."""
@@ -43,32 +43,84 @@ MIN_CHANGED_SHARE: Final = 0.4
 """Of the same, over every 0.3 m where the tool worked: wheels alone leave the ground between them as it was."""
 MIN_END_GAIN: Final = 15.0
 """By how much −2 log likelihood falls at an end of the width."""
+AROUND_TRANSITION_S: Final = 3.0
+"""Time around a transition in which the tool's line is followed."""
+ALONG_M: Final = 1.2
+"""Way to either side of a begin or an end of a pass that is looked at."""
+WELL_INSIDE: Final = 0.8
+"""Share of the width that shows begins and ends."""
+MIN_AHEAD_M: Final = 0.3
+"""A tool leaves the soil, and enters it, over some decimetres."""
 MIN_OFF_M: Final = 0.13
 """Soil is thrown, and left lying, by as much beside a tool."""
 
 
 @dataclass(frozen=True)
 class ToolEnds:
-    """How far to the left and to the right of the middle of the stated line the soil changes; nan where not shown."""
+    """Where the soil changes by what the tool did; nan where that is not shown.
+
+    Attributes:
+        left_m: how far to the left of the middle of the stated line.
+        right_m: how far to its right.
+        ahead_m: how far ahead of the stated line the tool works, by begins and ends of passes.
+    """
 
     left_m: float
     right_m: float
+    ahead_m: float = np.nan
 
-    def notice(self, implement: Implement) -> Notice | None:
-        """The notice that the tool is elsewhere, or wider or narrower; None where the soil does not show that."""
-        half_m = 0.5 * implement.width_m
+    def notices(self, implement: Implement) -> tuple[Notice, ...]:
+        """That the tool is elsewhere, or wider or narrower; none where the soil does not show that."""
+        half_m, told = 0.5 * implement.width_m, []
         off_m = np.array([self.left_m, self.right_m]) - half_m
-        if not (np.abs(off_m) > MIN_OFF_M).any():
-            return None
-        shown = [None if np.isnan(end_m) else float(end_m) for end_m in (self.left_m, self.right_m)]
-        return Notice("tool-apart", left_m=shown[0], right_m=shown[1], half_m=half_m, tool=implement.name)
+        if (np.abs(off_m) > MIN_OFF_M).any():
+            left_m, right_m = (None if np.isnan(end_m) else float(end_m) for end_m in (self.left_m, self.right_m))
+            told.append(Notice("tool-apart", left_m=left_m, right_m=right_m, half_m=half_m, tool=implement.name))
+        if abs(self.ahead_m) > MIN_AHEAD_M:
+            off = abs(self.ahead_m)
+            told.append(Notice("tool-apart.along", off_m=off, is_ahead=self.ahead_m > 0.0, tool=implement.name))
+        return tuple(told)
+
+
+@dataclass(frozen=True)
+class Transition:
+    """The tool's line around the time at which it is lowered or lifted.
+
+    Attributes:
+        number: of the pass.
+        lowered: whether the pass begins there, rather than ends.
+        track: of the line, also where the tool is lifted.
+        inside_m: (n,) way from the transition into the pass, at the times of the track.
+    """
+
+    number: int
+    lowered: bool
+    track: LineTrack
+    inside_m: FloatArray
+
+    @classmethod
+    def of_pass(
+        cls, trajectory: Trajectory, number: int, when: PassTimes, implement: Implement, *, lowered: bool
+    ) -> Self | None:
+        """That at the begin or the end of a pass; None where the vehicle does not go forward there."""
+        at_s = when.begin_s if lowered else when.end_s
+        around = PassTimes(at_s - AROUND_TRANSITION_S, at_s + AROUND_TRANSITION_S, 0.0, 0.0)
+        for one in sweeps(trajectory, around, implement):
+            if one.t_s[0] < at_s < one.t_s[-1]:
+                since_m = one.distance_m - np.interp(at_s, one.t_s, one.distance_m)
+                track = LineTrack(number, one.t_s, one.middle_m[:, :2], one.half_m)
+                return cls(number, lowered, track, since_m if lowered else -since_m)
+        return None
 
 
 class ToolEdges:
-    """Sums up changes of the ground across the tool's line over tiles; tiles may come from several threads."""
+    """Sums up changes of the ground across and along the tool's way; tiles may come from several threads."""
 
-    def __init__(self, passes: Sequence[Passages], half_m: float) -> None:
+    def __init__(self, passes: Sequence[Passages], half_m: float, transitions: Sequence[Transition] = ()) -> None:
         self.half_m, self._passes = half_m, passes
+        self._transitions = [(one, Passages([one.track])) for one in transitions]
+        self.bins = 2 * round((half_m + SEARCHED_BESIDE_M) / ACROSS_BIN_M)
+        self.along_bins = 2 * round(ALONG_M / ACROSS_BIN_M)
 
     @classmethod
     def of_work(cls, trajectory: Trajectory, work: FieldWork, implement: Implement) -> Self:
@@ -78,47 +130,83 @@ class ToolEdges:
             [LineTrack(number, one.t_s, one.middle_m[:, :2], one.half_m) for one in run]
             for number, run in enumerate(runs, start=1)
         ]
-        return cls([Passages(one) for one in tracks], 0.5 * implement.width_m)
+        found = [
+            Transition.of_pass(trajectory, number, when, implement, lowered=lowered)
+            for number, when in enumerate(work.passes, start=1)
+            for lowered in (True, False)
+        ]
+        passes = [Passages(one) for one in tracks]
+        return cls(passes, 0.5 * implement.width_m, [one for one in found if one is not None])
 
     def changes(self, points: TilePoints, low: NDArray[np.bool_]) -> FloatArray:
-        """(bins, 3) of a tile: number of cells, sum and sum of squares of their changes, by place across the line.
+        """(bins + 2 · along_bins, 3) of a tile: number of cells, sum and sum of squares of their changes.
+
+        By place across the line, from the right; then by way into the pass at begins, and at ends.
 
         Args:
             low: (n,) which points are not high above the soil.
         """
-        bins = 2 * round((self.half_m + SEARCHED_BESIDE_M) / ACROSS_BIN_M)
-        sums = np.zeros((bins, 3))
         grid = points.grid
-        wide = [
-            passages.over(grid, SEARCHED_BESIDE_M)
-            for passages in self._passes
-            if passages.reach(grid, SEARCHED_BESIDE_M)
-        ]
-        wide = [passage for passage in wide if passage.passed.any()]
-        wide.sort(key=lambda passage: float(passage.first_s.min()))
-        never_s = np.full(grid.shape, np.inf)
-        for k, passage in enumerate(wide):
-            before_s = np.max([-never_s, *(one.last_s for one in wide[:k])], axis=0)
-            after_s = np.min([never_s, *(one.first_s for one in wide[k + 1 :])], axis=0)
-            limits = [
-                (limit_s - points.begin_s).ravel().astype(np.float32)
-                for limit_s in (before_s, passage.first_s, passage.last_s, after_s)
-            ]
-            heights = np.zeros((grid.rows * grid.columns, 4))
-            _before_and_after(points.cell, points.t_s, points.height_m, low, *limits, np.float32(SETTLE_S), heights)
-            seen = passage.passed.ravel() & (heights[:, 0] >= MIN_CELL_RETURNS) & (heights[:, 2] >= MIN_CELL_RETURNS)
-            change_m = heights[seen, 3] / heights[seen, 2] - heights[seen, 1] / heights[seen, 0]
-            at = np.floor(passage.across_m.ravel()[seen] / ACROSS_BIN_M).astype(np.intp) + bins // 2
-            used = (np.abs(change_m) < MAX_CHANGE_M) & (at >= 0) & (at < bins)
-            for column, values in enumerate((np.ones(len(change_m)), change_m, change_m**2)):
-                sums[:, column] += np.bincount(at[used], values[used], minlength=bins)
+        reaching = [passages for passages in self._passes if passages.reach(grid, SEARCHED_BESIDE_M)]
+        wide = [(int(one.number.max()), one) for one in (p.over(grid, SEARCHED_BESIDE_M) for p in reaching)]
+        wide = [(number, passage) for number, passage in wide if number]
+        sums = np.zeros((self.bins + 2 * self.along_bins, 3))
+        for number, passage in wide:
+            seen, change_m = self._change(points, low, passage, number, wide)
+            at = np.floor(passage.across_m.ravel()[seen] / ACROSS_BIN_M) + self.bins // 2
+            _count(sums[: self.bins], at, change_m)
+        for transition, passages in self._transitions:
+            if not passages.reach(grid):
+                continue
+            passage = passages.over(grid)
+            seen, change_m = self._change(points, low, passage, transition.number, wide)
+            inside_m = np.interp(passage.first_s.ravel()[seen], transition.track.t_s, transition.inside_m)
+            at = np.floor(inside_m / ACROSS_BIN_M) + self.along_bins // 2
+            first = self.bins + (0 if transition.lowered else self.along_bins)
+            well_inside = np.abs(passage.across_m.ravel()[seen]) < WELL_INSIDE * self.half_m
+            _count(sums[first : first + self.along_bins], at[well_inside], change_m[well_inside])
         return sums
 
+    def _change(
+        self,
+        points: TilePoints,
+        low: NDArray[np.bool_],
+        passage: LinePassage,
+        number: int,
+        others: Sequence[tuple[int, LinePassage]],
+    ) -> tuple[NDArray[np.intp], FloatArray]:
+        """Cells (m,) that are seen before and after a passage, with no other passage between, and their changes."""
+        never_s = np.full(points.grid.shape, np.inf)
+        before_s = np.max([-never_s, *(one.last_s for other, one in others if other < number)], axis=0)
+        after_s = np.min([never_s, *(one.first_s for other, one in others if other > number)], axis=0)
+        limits = [
+            (limit_s - points.begin_s).ravel().astype(np.float32)
+            for limit_s in (before_s, passage.first_s, passage.last_s, after_s)
+        ]
+        heights = np.zeros((points.grid.rows * points.grid.columns, 4))
+        _before_and_after(points.cell, points.t_s, points.height_m, low, *limits, np.float32(SETTLE_S), heights)
+        both = (heights[:, 0] >= MIN_CELL_RETURNS) & (heights[:, 2] >= MIN_CELL_RETURNS)
+        seen = np.flatnonzero(passage.passed.ravel() & both)
+        change_m = heights[seen, 3] / heights[seen, 2] - heights[seen, 1] / heights[seen, 0]
+        ground = np.abs(change_m) < MAX_CHANGE_M
+        return seen[ground], change_m[ground]
 
-def tool_ends(sums: FloatArray, half_m: float) -> ToolEnds:
-    """Where the soil changes, by sums (bins, 3) from the right to the left end."""
-    middle = len(sums) // 2
-    return ToolEnds(_end_m(sums[middle:], half_m), _end_m(sums[:middle][::-1], half_m))
+    def ends(self, sums: FloatArray) -> ToolEnds:
+        """Where the soil changes, by the sums of all tiles."""
+        across, middle = sums[: self.bins], self.bins // 2
+        begins, ends = np.split(sums[self.bins :], 2)
+        left_m, right_m = (_end_m(side, self.half_m) for side in (across[middle:], across[:middle][::-1]))
+        # Work that is shifted back begins earlier than stated, and ends earlier.
+        earlier_m, later_m = (_end_m(way[::-1], ALONG_M) - ALONG_M for way in (begins, ends))
+        return ToolEnds(left_m, right_m, 0.5 * (later_m - earlier_m))
+
+
+def _count(sums: FloatArray, at: FloatArray, change_m: FloatArray) -> None:
+    """Add changes (m,) to the sums (bins, 3) of their bins (m,), which may lie outside."""
+    inside = (at >= 0) & (at < len(sums))
+    number, values = at[inside].astype(np.intp), change_m[inside]
+    for column, power in enumerate((np.ones(len(values)), values, values**2)):
+        sums[:, column] += np.bincount(number, power, minlength=len(sums))
 
 
 def _end_m(outward: FloatArray, half_m: float) -> float:

@@ -22,7 +22,7 @@ from furrowmap.core.surfaces.visits import SWATH_BLOCK, SwathDifferences, SwathS
 from furrowmap.core.values.session import Implement
 from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, SoilMoved, SoilSums, tool_passages
 from furrowmap.core.work.strip_outlines import StripGround, StripOutlines
-from furrowmap.core.work.tool_edges import ToolEdges, tool_ends
+from furrowmap.core.work.tool_edges import ToolEdges
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CHANGE,
@@ -153,8 +153,7 @@ def _tool_notices(
     """Whether the soil changes where the session states the tool."""
     if not across or edges is None or implement is None:
         return ()
-    notice = tool_ends(np.sum(across, axis=0), edges.half_m).notice(implement)
-    return (notice,) if notice is not None else ()
+    return edges.ends(np.sum(across, axis=0)).notices(implement)
 
 
 def _write_ground(folder: Path, land: FieldPoints, crs: CRS, origin: Origin) -> None:

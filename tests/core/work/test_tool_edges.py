@@ -10,7 +10,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.passage import LineTrack, Passages
 from furrowmap.core.surfaces.spool import SPOOL_TILE, TilePoints
 from furrowmap.core.values.session import Implement
-from furrowmap.core.work.tool_edges import ACROSS_BIN_M, SEARCHED_BESIDE_M, ToolEdges, ToolEnds, tool_ends
+from furrowmap.core.work.tool_edges import ACROSS_BIN_M, SEARCHED_BESIDE_M, ToolEdges, ToolEnds, Transition
 
 FloatArray = NDArray[np.float64]
 GRID = Grid(0.05, 0, SPOOL_TILE, (SPOOL_TILE, SPOOL_TILE))
@@ -47,7 +47,7 @@ def tilled(seed: int = 0) -> FloatArray:
 
 def ends(change_m: FloatArray, aside_m: float = 0.0, half_m: float = HALF_M) -> ToolEnds:
     summed, points = edges(aside_m, half_m), changed(change_m)
-    return tool_ends(summed.changes(points, np.ones(len(points.cell), np.bool_)), half_m)
+    return summed.ends(summed.changes(points, np.ones(len(points.cell), np.bool_)))
 
 
 @pytest.mark.parametrize("aside_m", [0.0, 0.1, -0.1, 0.3, -0.3, 0.6])
@@ -57,9 +57,9 @@ def test_tool__beside_where_it_is_stated_ends_where_the_soil_does(aside_m: float
     for end_m, true_m in ((found.left_m, HALF_M - aside_m), (found.right_m, HALF_M + aside_m)):
         if true_m < HALF_M + SEARCHED_BESIDE_M - 0.25:
             assert end_m == pytest.approx(true_m, abs=1.1 * ACROSS_BIN_M)
-    notice = found.notice(Implement(name="", kind="rotary tiller", xy_m=(-1.6, aside_m), width_m=2.0 * HALF_M))
-    assert (notice is not None) == (abs(aside_m) > 0.2)
-    if notice is not None:
+    notices = found.notices(Implement(name="", kind="rotary tiller", xy_m=(-1.6, aside_m), width_m=2.0 * HALF_M))
+    assert bool(notices) == (abs(aside_m) > 0.2)
+    for notice in notices:
         assert f"{found.left_m:.2f} m to the left" in notice.text
 
 
@@ -69,7 +69,7 @@ def test_width__that_is_stated_too_large_or_small_is_told(half_m: float, *, told
     assert found.left_m == pytest.approx(HALF_M, abs=1.1 * ACROSS_BIN_M)
     assert found.right_m == pytest.approx(HALF_M, abs=1.1 * ACROSS_BIN_M)
     tool = Implement(name="", kind="rotary tiller", xy_m=(-1.6, 0.0), width_m=2.0 * half_m)
-    assert (found.notice(tool) is not None) is told
+    assert bool(found.notices(tool)) is told
 
 
 @pytest.mark.parametrize("half_m", [0.6, 0.85, 2.0])
@@ -78,8 +78,8 @@ def test_wheels__and_a_tool_without_a_trace_show_no_ends_elsewhere(half_m: float
     tool = Implement(name="", kind="mower", xy_m=(-1.6, 0.0), width_m=2.0 * half_m)
     across_m = np.abs(NORTHING_M - MIDDLE_M)
     rutted = np.where(np.abs(across_m - 0.75) < 0.15, -0.03, 0.0)
-    assert ends(np.zeros(len(across_m)), half_m=half_m).notice(tool) is None
-    assert ends(rutted, half_m=half_m).notice(tool) is None
+    assert ends(np.zeros(len(across_m)), half_m=half_m).notices(tool) == ()
+    assert ends(rutted, half_m=half_m).notices(tool) == ()
 
 
 def test_ruts_beside_a_narrow_tool__are_not_its_work() -> None:
@@ -87,4 +87,40 @@ def test_ruts_beside_a_narrow_tool__are_not_its_work() -> None:
     worked = np.where(across_m < 0.6, tilled() + 0.01, 0.0)
     rutted = np.where((across_m > 0.6) & (across_m < 0.9), -0.03, worked)
     tool = Implement(name="", kind="plough", xy_m=(-1.6, 0.0), width_m=1.2)
-    assert ends(rutted, half_m=0.6).notice(tool) is None
+    assert ends(rutted, half_m=0.6).notices(tool) == ()
+
+
+def way(begin_m: float, end_m: float) -> LineTrack:
+    """The tool's line eastward at 1 m/s, which is at 6 m at the time of the pass."""
+    east = np.linspace(begin_m, end_m, 1 + round((end_m - begin_m) / 0.1))
+    middle = np.column_stack([east, np.full(len(east), MIDDLE_M)])
+    return LineTrack(1, PASSED_S + east - 6.0, middle, np.tile([0.0, HALF_M], (len(east), 1)))
+
+
+def transition(at_m: float, *, lowered: bool) -> Transition:
+    track = way(at_m - 1.5, at_m + 1.5)
+    since_m = track.middle_m[:, 0] - at_m
+    return Transition(1, lowered, track, since_m if lowered else -since_m)
+
+
+@pytest.mark.parametrize("stated_ahead_m", [0.0, 0.2, 0.5, -0.5, -0.9])
+def test_tool__ahead_or_behind_where_it_is_stated_is_told_by_begins_and_ends(stated_ahead_m: float) -> None:
+    begin_m, end_m = 3.0 + stated_ahead_m, 9.0 + stated_ahead_m
+    transitions = [transition(begin_m, lowered=True), transition(end_m, lowered=False)]
+    summed = ToolEdges([Passages([way(begin_m, end_m)])], HALF_M, transitions)
+    points = changed(np.where((EASTING_M > 3.0) & (EASTING_M < 9.0), tilled(), 0.0))
+    found = summed.ends(summed.changes(points, np.ones(len(points.cell), np.bool_)))
+    assert found.ahead_m == pytest.approx(-stated_ahead_m, abs=1.5 * ACROSS_BIN_M)
+    tool = Implement(name="", kind="rotary tiller", xy_m=(-1.6, 0.0), width_m=2.0 * HALF_M)
+    keys = [notice.key for notice in found.notices(tool)]
+    assert keys == (["tool-apart.along"] if abs(stated_ahead_m) > 0.4 else [])
+
+
+def test_pass__that_begins_before_its_time_and_ends_after_it_is_no_tool_elsewhere() -> None:
+    """The soil is reached before the threshold of the state is."""
+    summed = ToolEdges(
+        [Passages([way(3.0, 9.0)])], HALF_M, [transition(3.0, lowered=True), transition(9.0, lowered=False)]
+    )
+    points = changed(np.where((EASTING_M > 2.6) & (EASTING_M < 9.4), tilled(), 0.0))
+    found = summed.ends(summed.changes(points, np.ones(len(points.cell), np.bool_)))
+    assert found.ahead_m == pytest.approx(0.0, abs=ACROSS_BIN_M)
