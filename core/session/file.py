@@ -151,19 +151,31 @@ def implement_faults(tools: Sequence[Implement | MachineImplement]) -> Iterator[
 
 def load_session(path: Path) -> Session:
     """Load a session file. Raises InputError if it is unreadable, no TOML, or has an unknown key or invalid value."""
+    return parse_session(read_session_text(path), str(path))
+
+
+def read_session_text(path: Path) -> str:
+    """The text of a session file. Raises InputError if it cannot be read or is no text; of such a one little is read."""
     try:
         with path.open("rb") as file:
             head = file.read(LOOKED_AT)
-            kind = binary_kind(head)
-            text = "" if kind else (head + file.read()).decode("utf-8")
+            content = head if binary_kind(head) else head + file.read()
     except IsADirectoryError:
         raise InputError("session-unreadable.load-session", path=path, path_scaled=path / "session.toml") from None
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "not UTF-8 text"
-        raise InputError("session-unreadable", path=path, why=why) from None
+    except OSError as error:
+        raise InputError("session-unreadable", path=path, why=error.strerror or error) from None
+    return session_text(content, path)
+
+
+def session_text(content: bytes, name: object) -> str:
+    """The text of a session from the bytes of its file; `name` is that of the file in errors. Raises InputError."""
+    kind = binary_kind(content[:LOOKED_AT])
     if kind is not None:
-        raise InputError("session-unreadable", path=path, why=f"it is {kind}, not text")
-    return parse_session(text, str(path))
+        raise InputError("session-unreadable", path=name, why=f"it is {kind}, not text")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        raise InputError("session-unreadable", path=name, why="not UTF-8 text") from None
 
 
 def parse_session(text: str, name: str = "session.toml") -> Session:

@@ -125,7 +125,7 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
             {
                 "furrowmap": str(result.report["furrowmap"]),
                 "report": (folder / REPORT).read_text("utf-8"),
-                "session_toml": session.read_text("utf-8")
+                "session_toml": session.read_text("utf-8", errors="replace")
                 if session.is_file() and not leads_out(session, folder)
                 else None,
             },

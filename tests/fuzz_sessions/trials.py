@@ -42,7 +42,7 @@ LONGEST_S: Final = 60
 """Of processor time for a session; on the wall, where others work as well, five times as much."""
 MOST_BYTES: Final = 2 << 30
 """Of memory that a session may take beyond that of the process, and of the largest file."""
-BATCH: Final = 200
+BATCH: Final = 1000
 """Sessions by one process, before another one is forked."""
 DEEP: Final = 0.01
 """Share of right sessions that a command of seconds is given for."""

@@ -20,6 +20,7 @@ from furrowmap.core.runtime.memory import peak_memory_bytes
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
+from furrowmap.core.session.file import read_session_text, session_text
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.exporters.files.batch_state import (
     STATE,
@@ -432,8 +433,10 @@ class _Batch:
 def _read_session(source: BatchSource) -> PreparedSource:
     try:
         if source.url:
-            return PreparedSource((Store(source.url).read(source.file.name) or b"").decode())
-        return PreparedSource(source.file.read_text(encoding="utf-8"))
+            return PreparedSource(
+                session_text(Store(source.url).read(source.file.name) or b"", without_passwords(source.url))
+            )
+        return PreparedSource(read_session_text(source.file))
     except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
         return PreparedSource(failure=Failure.from_error(as_furrowmap_error(error)))
 

@@ -24,7 +24,7 @@ from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.runtime.settings import ALLOWANCES, allows, language_of_user
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
-from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.file import parse_session, read_session_text
 from furrowmap.core.session.opened import Inputs, OpenSession
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.values.session import Session
@@ -122,7 +122,7 @@ def prepare(source: BatchSource, machine: str, boundaries: str) -> PreparedSourc
             text = (
                 proposed([file.parent], file.parent, machine_for(machine, None)[0])[0].text
                 if source.made
-                else file.read_text(encoding="utf-8")
+                else read_session_text(file)
             )
             session = parse_session(text, str(file))
             if not boundaries or session.field.boundary is not None:

@@ -83,3 +83,17 @@ def test_a_file_in_the_place_of_results__is_named(tmp_path: Path) -> None:
         furrowmap.batch([tmp_path], tmp_path / "results" / "below")
     assert refused.value.code == "output-unwritable"
     assert "results" in refused.value.what
+
+
+@pytest.mark.parametrize("content", [b"\xff" + SESSION.encode(), b"\x89PNG\r\n\x1a\n\0"])
+@pytest.mark.parametrize("boundaries", [False, True])
+def test_a_batch__names_a_session_that_is_no_text(content: bytes, boundaries: bool, tmp_path: Path) -> None:
+    (tmp_path / "field").mkdir()
+    (tmp_path / "field" / "session.toml").write_bytes(content)
+    fields = tmp_path / "fields.csv"
+    fields.write_text("name,lon_deg,lat_deg\nA,139.0,35.5\nA,139.1,35.5\nA,139.1,35.6\n")
+    settings = furrowmap.BatchSettings(workers=1, boundaries=fields if boundaries else None)
+    found = furrowmap.batch([tmp_path / "field"], tmp_path / "results", settings)
+    (row,) = found.sessions
+    assert row.outcome.failure is not None
+    assert row.outcome.failure.code == "session-unreadable"
