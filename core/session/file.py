@@ -155,7 +155,7 @@ def load_session(path: Path) -> Session:
 
 
 def read_session_text(path: Path) -> str:
-    """The text of a session file. Raises InputError if it cannot be read or is no text; of such a one little is read."""
+    """The text of a session file. Raises InputError if it cannot be read or is no text, of which little is read."""
     try:
         with path.open("rb") as file:
             head = file.read(LOOKED_AT)
