@@ -126,6 +126,7 @@ class Killer:
 
     def _kill_one(self, name: str, sent: Callable[[], int]) -> None:
         count = len(self.alarms)
+        waited_for(lambda: name in recorder_threads(self.before), 10.0)
         kill(recorder_threads(self.before)[name])
 
         def is_said() -> bool:
@@ -178,6 +179,7 @@ def test_promise_26__thread_that_was_ended_makes_the_exit_status_1(
 
     def kill_one() -> None:
         waited_for(lambda: (tmp_path / "rec" / "status.json").exists(), 30.0)
+        waited_for(lambda: "packets" in recorder_threads(before), 10.0)
         kill(recorder_threads(before)["packets"])
 
     statuses = []
