@@ -35,7 +35,7 @@ from furrowmap.exporters.farm.memory import DERIVED
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.plain_files import open_lock
+from furrowmap.exporters.files.plain_files import open_lock, refuse_dangling
 from furrowmap.exporters.files.vector_layers import pyogrio, unflushed
 from furrowmap.exporters.vectors.field_layers import Columns, Layer
 from furrowmap.exporters.vectors.geopackage import GEOMETRY, read_layer, store_styles, write_layer
@@ -169,6 +169,7 @@ def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = si
     or after the process was killed, finds the earlier state. Other processes of furrowmap wait; other programs cannot
     save to the file until the end.
     """
+    refuse_dangling(path)
     path = path.resolve()
     if not path.parent.is_dir():
         raise InputError("base-unreachable.geopackage-edit", parent=path.parent)

@@ -43,6 +43,12 @@ def refuse_special(path: Path) -> None:
         raise _no_plain_file(path)
 
 
+def refuse_dangling(path: Path) -> None:
+    """Check that a database, which may be a link to one elsewhere, is no link to nothing: it would be made there."""
+    if path.is_symlink() and not path.exists():
+        raise _no_plain_file(path)
+
+
 def refuse_shared(path: Path) -> None:
     """Check that a database which is changed in its place is nobody else's file, nor are those beside it.
 

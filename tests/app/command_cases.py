@@ -41,11 +41,13 @@ class Case:
         words: of the command line; `{out}` is the folder for its products, other names are those of :func:`materials`.
         again: words with which it replaces what it wrote before.
         before: puts into the folder what the command changes.
+        repeats: whether it can be run again on what it has changed.
     """
 
     words: str
     again: str = "--overwrite"
     before: Callable[[Materials, Path], None] = _nothing
+    repeats: bool = True
 
 
 def materials(folder: Path, simulated: furrowmap.Simulated, result: furrowmap.Result) -> dict[str, Path]:
@@ -85,8 +87,8 @@ def _crops(folder: Path) -> dict[str, Path]:
     return flights | {"parcels": folder / "parcels.gpkg"}
 
 
-def _session(made: Materials, out: Path) -> None:
-    shutil.copytree(made["drive"], out, dirs_exist_ok=True)
+def _machine(made: Materials, out: Path) -> None:
+    furrowmap.save_machine(made["session"], out / "tractor.toml")
 
 
 def _log(made: Materials, out: Path) -> None:
@@ -142,21 +144,21 @@ CASES: Mapping[str, Case] = {
     "share": Case("share {result} -o {out}/page"),
     "share --qfield": Case("share {result} --qfield -o {out}/project"),
     "farm add": Case("farm add {north} {south} {out}/farm.gpkg", again=""),
-    "farm remove": Case("farm remove {out}/farm.gpkg south", again="", before=_farm),
+    "farm remove": Case("farm remove {out}/farm.gpkg south", again="", before=_farm, repeats=False),
     "farm history": Case("farm history {farm} north -o {out}/north.html"),
     "farm history .csv": Case("farm history {farm} north -o {out}/north.csv"),
     "farm traffic": Case("farm traffic {farm} -o {out}/traffic.tif"),
     "farm mosaic": Case("farm mosaic {north} {south} -o {out}/mosaic.tif"),
     "farm mosaic .vrt": Case("farm mosaic {north} {south} -o {out}/mosaic.vrt"),
-    "calibrate --write": Case("calibrate {out}/session.toml --write", again="", before=_session),
+    "calibrate --machine": Case("calibrate {session} --machine {out}/tractor.toml", again="", before=_machine),
     "machine save": Case("machine save {session} {out}/tractor.toml"),
     "frames --svg": Case("frames {session} --svg {out}/frames.svg", again=""),
     "gnss evaluate": Case("gnss evaluate {gnss} --reference 35,139,10 -o {out}/evaluation"),
     "check --table": Case("check {check} {survey} --table {out}/table.csv"),
     "simulate": Case("simulate {scenario} -o {out}/simulated"),
-    "notebooks": Case("notebooks {out}/notebooks", again=""),
+    "notebooks": Case("notebooks {out}/notebooks", again="", repeats=False),
     "qgis install": Case("qgis install --plugins-folder {out}/plugins", again=""),
-    "qgis zip": Case("qgis zip -o {out}/plugin.zip", again=""),
+    "qgis zip": Case("qgis zip -o {out}/plugin.zip", again="", repeats=False),
 }
 """By command, with what else of it is chosen."""
 WITHOUT_FILES: Mapping[str, str] = {

@@ -15,7 +15,7 @@ from typing import Final
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.write_errors import writing
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
-from furrowmap.exporters.files.staging import made_folder
+from furrowmap.exporters.files.staging import made_folder, staged_folder
 
 
 def write_notebooks(folder: Path) -> list[Path]:
@@ -24,10 +24,9 @@ def write_notebooks(folder: Path) -> list[Path]:
     sources = {folder / source.name: source for source in bundled.iterdir() if source.name.endswith(".ipynb")}
     for path in sources:
         refuse_existing(path, overwrite=False)
-    with made_folder(folder):
+    with staged_folder(folder) as staging:
         for path, source in sources.items():
-            with atomic_output(path) as unfinished:
-                unfinished.write_bytes(source.read_bytes())
+            (staging / path.name).write_bytes(source.read_bytes())
     return sorted(sources)
 
 
