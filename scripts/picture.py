@@ -8,6 +8,7 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+import pyogrio
 from geopandas import GeoDataFrame
 from matplotlib import patheffects
 from matplotlib.axes import Axes
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.exporters.files.vector_layers import pyogrio
 
 FloatArray = NDArray[np.float64]
 

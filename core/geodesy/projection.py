@@ -32,7 +32,7 @@ from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.file_signatures import binary_kind
-from furrowmap.core.values.crs import name_of
+from furrowmap.core.values.crs import crs_of_file, name_of
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
 
 GEOIDS_OF_JAPAN: Final = {"GSIGEO2011": "JGD2011", "JPGEO2024": "JGD2024"}
@@ -94,7 +94,7 @@ def height_system(name: str, base: CRS, grid: Path | None = None) -> HeightSyste
     if name.upper() in GEOIDS_OF_JAPAN:
         return _japan(name.upper())
     try:
-        vertical = CRS.from_user_input(VERTICAL_CRS.get(name.upper(), name))
+        vertical = crs_of_file(VERTICAL_CRS.get(name.upper(), name))
     except CRSError:
         vertical = None
     if vertical is None or not vertical.is_vertical or vertical.is_compound:
@@ -559,7 +559,7 @@ def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | 
     file is missing or of another kind; RefusedError if there is no exact transformation.
     """
     try:
-        whole = CRS.from_user_input(crs.map)
+        whole = crs_of_file(crs.map)
     except CRSError as error:
         raise InputError("crs-unknown.projected", map=crs.map, error=error) from None
     flat, *vertical = whole.sub_crs_list if whole.is_compound else [whole.to_2d()]

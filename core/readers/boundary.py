@@ -11,6 +11,7 @@ from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.agopengps import is_field_folder, read_outline
+from furrowmap.core.readers.areas.repair import repaired
 from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, is_task_data, open_task_files, read_content
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
 from furrowmap.core.runtime.errors import InputError
@@ -37,7 +38,11 @@ def read_fields(path: Path) -> list[FieldOutline]:
     the file has another format, cannot be read, has no polygon, states no CRS, or one on a historical datum.
     """
     if is_field_folder(path):
-        return [FieldOutline(_texts((path.name,)), shapely.make_valid(read_outline(path, partial(_unreadable, path))))]
+        outline = read_outline(path, partial(_unreadable, path))
+        try:
+            return [FieldOutline(_texts((path.name,)), repaired(outline))]
+        except ValueError as error:
+            raise _unreadable(path, str(error)) from None
     if is_task_data(path):
         fields = read_content(open_task_files(path)).partfields.values()
         known = [FieldOutline(_texts((one.name, one.id)), one.boundary) for one in fields if one.boundary is not None]
@@ -70,8 +75,7 @@ def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
     to_base = Transformer.from_crs(polygons.crs, base.to_2d(), always_xy=True)
     outlines = []
     for shape in polygons.shapes:
-        valid = shapely.make_valid(shape)
-        outline = shapely.transform(valid, lambda xy: np.column_stack(to_base.transform(*xy.T)))
+        outline = shapely.transform(repaired(shape), lambda xy: np.column_stack(to_base.transform(*xy.T)))
         if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
             raise _unreadable(path, "its polygons are empty, or their coordinates do not match its CRS")
         west, south, east, north = outline.bounds

@@ -1,15 +1,17 @@
 """GeoTIFFs of any software, opened without trusting what they state."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from pyproj.exceptions import CRSError, ProjError
 
+from furrowmap.core.readers.raster_neighbours import expect_no_links, with_checked_neighbours
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.memory import expect_memory
+from furrowmap.core.values.crs import crs_of_file
 
 HEIGHT_BAND_NAME: Final = "height"
 """Name of the first band of furrowmap's surfaces, and of none of its other rasters."""
@@ -21,13 +23,13 @@ def open_geotiff(
 ) -> Iterator[Any]:
     """A dataset of rasterio, within which whatever GDAL, PROJ and rasterio raise becomes an error of ours.
 
-    No other format is opened, whatever its name: a VRT may refer to any file.
+    No other format is opened, whatever its name, and no file that it refers to: a VRT may refer to any.
 
     Args:
         with_heights: whether its CRS includes that of its heights, where the file states one.
 
     Raises:
-        InputError: if it is no GeoTIFF, is damaged, or its cells have no extent.
+        InputError: if it is no GeoTIFF, is damaged, refers to other files, or its cells have no extent.
         RefusedError: if one of its blocks takes more than half of the free memory.
     """
     import rasterio
@@ -36,9 +38,13 @@ def open_geotiff(
     try:
         # An option of the process: stated either way, and only while the file is opened, which reads the CRS. Held by
         # several open files, with other environments in between, it outlived them all (rasterio 1.4).
-        with rasterio.Env(GTIFF_REPORT_COMPD_CS=with_heights):
-            opened = rasterio.open(path, driver="GTiff")
-        with opened as raster:
+        with ExitStack() as stack:
+            own, options = stack.enter_context(with_checked_neighbours(path))
+            with rasterio.Env(GTIFF_REPORT_COMPD_CS=with_heights, **options):
+                raster = stack.enter_context(rasterio.open(own, driver="GTiff"))
+            expect_no_links(raster)
+            if raster.crs is not None:
+                crs_of_file(raster.crs.to_wkt())
             if not np.isfinite(raster.transform).all() or raster.transform.is_degenerate:
                 raise unusable(path, "states cells without an extent")
             block = max(rows * columns for rows, columns in raster.block_shapes)

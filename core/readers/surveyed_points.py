@@ -12,7 +12,7 @@ import shapely
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.areas.area import horizontal_part, nothing_within, read_area
 from furrowmap.core.readers.text_table import TextTable, read_table
-from furrowmap.core.readers.vector_file import named_by_content, read_vector_layer
+from furrowmap.core.readers.vector_file import read_vector_layer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
@@ -93,8 +93,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         raise _unreadable(path, f"has {path.stat().st_size:,} bytes: too many for a survey")
     if path.read_bytes()[:16].startswith(b"SQLite format 3"):
         try:
-            with named_by_content(path) as named:
-                layer = read_vector_layer(named, times_as_text=True)
+            layer = read_vector_layer(path, times_as_text=True)
         except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
             raise _unreadable(path, f"cannot be read ({str(error)[:100]})") from None
         if not len(layer) or not all(isinstance(shape, shapely.Point) for shape in layer.shapes):

@@ -1,15 +1,14 @@
 """Polygons with attributes from vector files: GeoPackage, Shapefile (zipped too), FlatGeobuf, GeoJSON, KML.
 
-GDAL reads layers as arrays, but not KML (OGC 12-007): its drivers choose by content, and a text that names another
-format would open other files.
+GDAL reads layers as arrays (:mod:`.ogr_layers`), but neither GeoJSON nor KML (OGC 12-007): its drivers choose by
+content, and a text that names another format would open other files.
 """
 
 import datetime as dt
-import shutil
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,12 +18,16 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.readers.areas.repair import workable
+from furrowmap.core.readers.geojson import read_geojson
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
+from furrowmap.core.readers.ogr_layers import LAYER_MAGIC, SHAPEFILE_MAGIC, read_layer_arrays
 from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_layer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.file_signatures import binary_kind
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
+from furrowmap.core.values.crs import crs_of_file
 
 
 @dataclass(frozen=True)
@@ -79,17 +82,14 @@ def read_vector_layer(path: Path, name: str | None = None, *, times_as_text: boo
         times_as_text: read times and dates as text in ISO 8601, with the zone that the file states.
 
     Raises:
-        ValueError: if the layer is a table without geometries.
+        ValueError: if the layer is a table without geometries, or as :func:`.read_layer_arrays`.
         Exception: of GDAL, GEOS and PROJ, which have no family of their own, if the file is damaged.
     """
-    import pyogrio.raw  # a tenth of a second, and most sessions name no vector file
-
-    pyogrio.set_gdal_config_options({"GDAL_PAM_ENABLED": False})  # it would write `.aux.xml` beside a GeoPackage
-    about, _, wkb, data = pyogrio.raw.read(path, layer=name, datetime_as_string=times_as_text)
+    about, wkb, data = read_layer_arrays(path, name, times_as_text=times_as_text)
     if wkb is None:
         raise ValueError(f"{'its first layer' if name is None else name} is a table without geometries")
     columns = dict(zip(map(str, about["fields"]), data, strict=True))
-    crs = CRS.from_user_input(about["crs"]) if about["crs"] else None
+    crs = crs_of_file(about["crs"]) if about["crs"] else None
     return VectorLayer(np.asarray(shapely.from_wkb(wkb), object), columns, crs)
 
 
@@ -156,10 +156,9 @@ def _within(element: Element, tag: str) -> Iterator[Element]:
 
 
 MAX_VECTOR_BYTES: Final = 100_000_000
+MAX_COORDINATE: Final = 1e9
+"""In any unit that a CRS may have."""
 VECTOR_FORMATS: Final = "GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML"
-_VECTOR_MAGIC: Final = (b"SQLite format 3\0", b"fgb", b"\0\0\x27\x0a")
-"""The first bytes of GeoPackage, FlatGeobuf and Shapefile."""
-_VECTOR_SUFFIXES: Final = {_VECTOR_MAGIC[0]: ".gpkg", _VECTOR_MAGIC[1]: ".fgb"}
 
 Unreadable = Callable[[str], InputError]
 """The error of a file, from what is wrong with it."""
@@ -194,7 +193,7 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
         size = path.stat().st_size
     except OSError as error:
         raise unreadable(str(error.strerror)) from None
-    if not (_is_json(head) or head.startswith((*_VECTOR_MAGIC, ZIP)) or _is_kml(head)):
+    if not (_is_json(head) or head.startswith((*LAYER_MAGIC, ZIP)) or _is_kml(head)):
         kind = binary_kind(head)
         raise unreadable(
             f"{f'{kind}, ' if kind else ''}neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or "
@@ -212,9 +211,15 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
         raise unreadable(str(error) or type(error).__name__) from None
     if not found.shapes:
         raise unreadable(f"{found.others} features, but no polygon")
-    if not np.isfinite(shapely.get_coordinates(np.array(found.shapes, object))).all():
+    corners = shapely.get_coordinates(np.array(found.shapes, object))
+    if not np.isfinite(corners).all():
         raise unreadable("a corner has coordinates that are not finite")
-    return found
+    if len(corners) and np.abs(corners).max() > MAX_COORDINATE:
+        raise unreadable(f"a corner has the coordinate {np.abs(corners).max():g}, which is nowhere on the Earth")
+    try:
+        return replace(found, shapes=tuple(workable(found.shapes, found.crs)))
+    except ValueError as error:
+        raise unreadable(str(error)) from None
 
 
 def _read_layer(path: Path, head: bytes) -> Polygons:
@@ -224,7 +229,7 @@ def _read_layer(path: Path, head: bytes) -> Polygons:
             with writing_scratch():
                 path = unpacked_layer(path, folder)
             head = path.read_bytes()[:4096]
-            if not (_is_kml(head) or head.startswith(_VECTOR_MAGIC[2])):
+            if not (_is_kml(head) or head.startswith(SHAPEFILE_MAGIC)):
                 raise ValueError(f"its layer {path.name} is neither a Shapefile nor KML")
         if _is_kml(head):
             root = parse_xml(path.read_bytes(), f"{path}")
@@ -239,26 +244,10 @@ def _read_layer(path: Path, head: bytes) -> Polygons:
                 shapes.append(polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons))
                 attributes.append(_attributes(mark))
             return Polygons(tuple(shapes), tuple(attributes), CRS.from_epsg(4326), others)
-        return _by_gdal(stack.enter_context(named_by_content(path)))
-
-
-@contextmanager
-def named_by_content(path: Path) -> Iterator[Path]:
-    """A path of the same content with the suffix by which GDAL chooses the driver for it; a copy if it has another.
-
-    GDAL takes a GeoPackage that is named `.csv` for a CSV.
-    """
-    with path.open("rb") as file:
-        head = file.read(64)
-    suffix = next((one for start, one in _VECTOR_SUFFIXES.items() if head.startswith(start)), "")
-    suffix = ".geojson" if _is_json(head) else suffix
-    if not suffix or path.suffix.lower() in (suffix, ".json"):
-        yield path
-        return
-    with scratch_directory() as folder:
-        with writing_scratch():
-            copy = Path(shutil.copyfile(path, folder / f"layer{suffix}"))
-        yield copy
+        if _is_json(head):
+            found, properties, crs, rest = read_geojson(path.read_bytes())
+            return Polygons(tuple(found), tuple(properties), crs, rest)
+        return _by_gdal(path)
 
 
 def _is_json(head: bytes) -> bool:

@@ -1,18 +1,54 @@
 """Names of a CRS for users, and the distance of its datum from that of GNSS positions."""
 
+import re
 import warnings
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 from pyproj import CRS, Geod
 from pyproj.aoi import AreaOfInterest
+from pyproj.exceptions import CRSError
 from pyproj.transformer import TransformerGroup
 
 SATELLITES: Final = "EPSG:4326"
 """WGS 84: modern datums agree with it within a metre or two, and PROJ treats most of them as equal."""
 LARGEST_DATUM_SHIFT_M: Final = 5.0
 """Largest distance of a modern datum from WGS 84."""
+
+
+_INITIAL: Final = re.compile(r"\binit\s*=\s*(?!(?:epsg|esri|iau_2015|iau|ignf|ogc|crs):)", re.IGNORECASE)
+_OPERATION: Final = "PROJ-based operation method"
+
+
+def crs_of_file(text: str) -> CRS:
+    """The CRS that a file states: a code, WKT, or any other form that PROJ reads.
+
+    Raises:
+        CRSError: if it is none, or names a file, which PROJ would open: `+nadgrids=/home/…` or its like in WKT. A name
+            without a folder, such as `+nadgrids=ca_que_na83sc.tif`, is a grid of PROJ's own.
+    """
+    if _INITIAL.search(text):
+        raise CRSError(f"it refers to a file: {text[:200]}")
+    crs = CRS.from_user_input(text)
+    named = next((name for name in _file_names(crs.to_json_dict()) if "/" in name or "\\" in name), None)
+    if named is not None:
+        raise CRSError(f"it refers to the file {named[:200]}")
+    return crs
+
+
+def _file_names(part: Any) -> Iterator[str]:
+    """Parameters of a CRS (PROJJSON) that are texts, and operations in the language of PROJ."""
+    if isinstance(part, list):
+        for one in part:
+            yield from _file_names(one)
+    elif isinstance(part, dict):
+        for key, value in part.items():
+            named = key == "value" or (key == "name" and str(value).startswith(_OPERATION))
+            if isinstance(value, str) and named:
+                yield value
+            yield from _file_names(value)
 
 
 def name_of(crs: CRS) -> str:

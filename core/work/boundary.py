@@ -104,7 +104,8 @@ def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:
     """The polygons of `boundary` (longitude, latitude) on the map; raises InputError outside the area of its CRS."""
     try:
         return shapely.make_valid(
-            shapely.transform(boundary, lambda xy: np.column_stack(frame.project(xy[:, 0], xy[:, 1])))
+            shapely.transform(boundary, lambda xy: np.column_stack(frame.project(xy[:, 0], xy[:, 1]))),
+            method="structure",
         )
     except RefusedError as error:
         lon, lat = boundary.centroid.coords[0]

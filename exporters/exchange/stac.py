@@ -21,6 +21,7 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.files.atomic import relative_path
 from furrowmap.exporters.files.result_folder import (
     CLOUD,
@@ -79,7 +80,7 @@ def run_item(report: dict[str, Any]) -> StacItem:
     """The item of one run from its `report.json`, with assets relative to it, of products with a media type."""
     figures, session, origin = report["figures"], report["session"], result_origin(report)
     (west, south, low), (east, north, high) = figures["bounds_m"]
-    crs, frame = CRS.from_user_input(session["crs"]["map"]).to_2d(), stated_frame(session["crs"]["coordinates"])
+    crs, frame = crs_of_file(session["crs"]["map"]).to_2d(), stated_frame(session["crs"]["coordinates"])
     span = dt.datetime.fromisoformat(figures["start"]), dt.datetime.fromisoformat(figures["end"])
     properties = {
         "title": session["name"] or "Session without a name",

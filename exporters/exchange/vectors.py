@@ -24,6 +24,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, printable
@@ -35,7 +36,7 @@ from furrowmap.exporters.files.csv_cells import write_csv
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, TRAJECTORY
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.files.vector_layers import geodataframe, pyogrio, write_vector_layer
+from furrowmap.exporters.files.vector_layers import geodataframe, write_vector_layer
 from furrowmap.exporters.share.symbols import PLAIN_SYMBOL, Symbol, layer_style
 from furrowmap.exporters.vectors.geopackage import write_styles
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, LAYER_NAMES, VALUES
@@ -310,7 +311,7 @@ def _write_shapefile(path: Path, layer: VectorLayer) -> None:
     table = replace(layer, columns={short[name]: values for name, values in _with_texts(layer).items()})
     write_vector_layer(path, table, path.stem, "ESRI Shapefile", ENCODING="UTF-8")
     # GDAL reports no error of the last bytes on a full disk, nor of the header that it completes at the end.
-    info = pyogrio.read_info(path, force_feature_count=True)
+    info = layer_info(path)
     with path.with_suffix(".dbf").open("rb") as file:
         rows, header, row = struct.unpack("<4xIHH", file.read(12))
         whole = header + rows * row < file.seek(0, os.SEEK_END)

@@ -16,8 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from furrowmap.core.readers.ogr_layers import layer_info
+from furrowmap.core.readers.sqlite_file import check_sqlite, check_triggers
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.farm.edit import (
     KNOWN_COLUMNS,
     LAYER_SETTING,
@@ -36,7 +39,7 @@ from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.plain_files import open_lock, refuse_dangling
-from furrowmap.exporters.files.vector_layers import pyogrio, unflushed
+from furrowmap.exporters.files.vector_layers import unflushed, write_arrays
 from furrowmap.exporters.vectors.field_layers import Columns, Layer
 from furrowmap.exporters.vectors.geopackage import GEOMETRY, read_layer, store_styles, write_layer
 
@@ -53,13 +56,17 @@ def check_farm_map(path: Path) -> None:
         if file.read(len(_SQLITE_MAGIC)) != _SQLITE_MAGIC:
             raise _not_a_farm_map(path, "is not a GeoPackage")
     try:
+        check_sqlite(path)
         with closing(sqlite3.connect(path, timeout=BUSY_S)) as database:
+            check_triggers(database)
             has_settings = has_table(database, SETTINGS) and has_table(database, "gpkg_contents")
             schema = setting(database, "schema") if has_settings else None
     except sqlite3.OperationalError as error:
         raise _open_elsewhere(path, error) from None
     except sqlite3.DatabaseError as error:
         raise _not_a_farm_map(path, f"is damaged ({error})") from None
+    except ValueError as error:
+        raise _not_a_farm_map(path, f"does more than to hold rows: {error}") from None
     if schema is None:
         raise _not_a_farm_map(path, "is a GeoPackage, but was not made by `furrowmap farm add`")
     check_schema(str(path), schema, "from the result folders")
@@ -205,7 +212,7 @@ class GeopackageEdit:
         """Of all layers; None for a new farm map."""
         if SESSIONS not in self.layers():
             return None
-        return CRS.from_user_input(pyogrio.read_info(self._current(), layer=SESSIONS)["crs"])
+        return crs_of_file(layer_info(self._current(), SESSIONS)["crs"])
 
     def sessions(self) -> list[KnownSession]:
         """The sessions in order of time."""
@@ -418,7 +425,7 @@ def _create(path: Path) -> None:
     """Create a GeoPackage with nothing but the settings of a farm map."""
     columns = [np.array([word], dtype=object) for word in ("schema", str(SCHEMA))]
     options = {"DESCRIPTION": "Settings of furrowmap for this farm map"}
-    pyogrio.raw.write(path, None, columns, ["name", "value"], layer=SETTINGS, driver="GPKG", layer_options=options)
+    write_arrays(path, None, columns, ["name", "value"], layer=SETTINGS, driver="GPKG", layer_options=options)
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(f"CREATE UNIQUE INDEX {SETTINGS}_name ON {SETTINGS}(name)")
 

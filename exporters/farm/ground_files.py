@@ -10,6 +10,7 @@ from pyproj import CRS
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.exchange.stac import run_item
 from furrowmap.exporters.farm.surface_file import SurfaceFile, same_map, surface_file
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
@@ -67,7 +68,7 @@ def _clouds(path: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS
     features = []
     for folder, report in results:
         cloud = folder / CLOUD
-        if not cloud.is_file() or not same_map(CRS.from_user_input(report["session"]["crs"]["map"]), crs):
+        if not cloud.is_file() or not same_map(crs_of_file(report["session"]["crs"]["map"]), crs):
             continue
         item = run_item(report)
         (west, south, low), (east, north, high) = report["figures"]["bounds_m"]

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import rasterio
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
@@ -17,6 +16,7 @@ from rasterio.enums import Resampling
 from rasterio.vrt import WarpedVRT
 
 from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
+from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
@@ -29,6 +29,7 @@ from furrowmap.exporters.farm.surface_file import (
     horizontal,
     same_map,
     surface_file,
+    unusable,
     warp_options,
 )
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
@@ -187,7 +188,7 @@ def grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
 @contextmanager
 def _opened(surface: SurfaceFile, crs: CRS, cell_m: float) -> Iterator[OpenSurface]:
     grid = grid_in(surface, crs, cell_m)
-    with rasterio.open(surface.path, driver="GTiff") as raster:
+    with open_geotiff(surface.path, unusable) as raster:
         if _fits(surface, crs, cell_m):
             yield OpenSurface(surface.path, raster, grid)
             return

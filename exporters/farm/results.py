@@ -18,8 +18,10 @@ from pyproj import CRS, Transformer
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.local_time import local_time, zone_at
+from furrowmap.core.readers.ogr_layers import layer_info, list_layers
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out
+from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.result_folder import (
     FIELD,
@@ -30,7 +32,6 @@ from furrowmap.exporters.files.result_folder import (
     open_result,
     reading_result,
 )
-from furrowmap.exporters.files.vector_layers import pyogrio
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, hull, track_lines
 from furrowmap.exporters.vectors.geopackage import read_layer
 
@@ -104,7 +105,7 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
         # The figures are those of the tool that moves the soil.
         several = {name: layer for name, layer in layers.items() if "tool" in layer.columns}
         layers |= {name: _features_of(layer, "tool", tool) for name, layer in several.items()}
-        crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
+        crs = crs_of_file(layer_info(path, TRAJECTORY)["crs"])
         name = str(result.report["session"]["name"])
         recordings = sorted([record["name"], record["sha256"]] for record in result.report["inputs"])
         digest = hashlib.sha256((folder / REPORT).read_bytes())
@@ -254,13 +255,13 @@ def read_tasks(path: Path, zone: ZoneInfo | None = None) -> list[SessionResult]:
     if not path.is_file():
         raise _no_tasks(path, "does not exist")
     with reading_result(path):
-        names = [str(name) for name in pyogrio.list_layers(path)[:, 0]]
+        names = [name for name, _ in list_layers(path)]
         if FIELDS_LAYER not in names or TRAJECTORY not in names:
             raise _no_tasks(path, "was not written by `furrowmap fields`")
         layers = {name: read_layer(path, name) for name in names if name != "layer_styles"}
         if not all("task" in layer.columns for layer in layers.values()):
             raise _no_tasks(path, "was not written by `furrowmap fields`")
-        crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
+        crs = crs_of_file(layer_info(path, TRAJECTORY)["crs"])
         figures, digest = layers.pop(FIELDS_LAYER), hashlib.sha256(path.read_bytes()).hexdigest()
         results = []
         for task in figures.rows():

@@ -1,6 +1,7 @@
 """A result folder: the names of its files, and reading what a run wrote."""
 
 import datetime as dt
+import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import msgspec
 import numpy as np
 import shapely
 
+from furrowmap.core.readers.ogr_layers import list_layers
 from furrowmap.core.readers.vector_file import VectorLayer, read_vector_layer
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.runtime.file_names import inside
@@ -225,8 +227,6 @@ def result_origin(report: dict[str, Any], name: str = "") -> Origin:
 
 def open_result(folder: Path) -> ResultFolder:
     """Open a result; raises InputError if there is none or it cannot be read, RefusedError while a run is writing."""
-    from furrowmap.exporters.files.vector_layers import pyogrio
-
     recover(folder)
     for name in (REPORT, FIELD):
         inside(folder, name, folder)
@@ -238,8 +238,8 @@ def open_result(folder: Path) -> ResultFolder:
     except (ValueError, RecursionError, msgspec.ValidationError) as error:
         raise unreadable(folder / REPORT, error) from None
     try:
-        layers = [str(name) for name, kind in pyogrio.list_layers(folder / FIELD) if kind is not None]
-    except (RuntimeError, ValueError) as error:  # pyogrio's own errors are RuntimeErrors
+        layers = [name for name, kind in list_layers(folder / FIELD) if kind is not None]
+    except (OSError, RuntimeError, ValueError, sqlite3.Error) as error:  # pyogrio's own errors are RuntimeErrors
         raise unreadable(folder / FIELD, error) from None
     return ResultFolder(folder, report, tuple(layers))
 

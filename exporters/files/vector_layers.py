@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 pyogrio.set_gdal_config_options({"GDAL_PAM_ENABLED": False})
 
-__all__ = ["pyogrio", "unflushed"]
+write_arrays = pyogrio.raw.write
+"""Writes a layer into a new file; how layers are read is in :mod:`furrowmap.core.readers.ogr_layers`."""
 
 
 @contextmanager
@@ -52,7 +53,7 @@ def write_vector_layer(
 ) -> None:
     """Write a layer into a new file, or a new layer of a GeoPackage; `driver` is GDAL's name of the format."""
     times = [column for column, values in layer.columns.items() if values.dtype == "datetime64[ms]"]
-    pyogrio.raw.write(
+    write_arrays(
         target,
         shapely.to_wkb(layer.shapes),
         list(layer.columns.values()),

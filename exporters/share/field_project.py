@@ -10,6 +10,7 @@ from pyproj import CRS
 
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.runtime.errors import printable
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.grid import Grid
@@ -31,7 +32,6 @@ from furrowmap.exporters.files.result_folder import (
     packaged_styles,
     unreadable,
 )
-from furrowmap.exporters.files.vector_layers import pyogrio
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.features import HIDDEN_AT_FIRST, moment_s
@@ -62,7 +62,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         progress("writing the project", number / len(names))
         _copy(result, name, staging)
     for name in result.layer_names:
-        about = pyogrio.read_info(result.folder / FIELD, layer=name)
+        about = layer_info(result.folder / FIELD, name)
         kind = str(about["geometry_type"])
         source = f"./{FIELD}|layername={name}"
         title = _in(language, SHARED_LAYERS.get(name, name.replace("_", " ")))

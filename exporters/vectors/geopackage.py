@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from furrowmap.core.readers.ogr_layers import layer_info, read_layer_arrays
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.trajectory import ScanPoses
@@ -20,7 +21,7 @@ from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
-from furrowmap.exporters.files.vector_layers import UTC_OFFSET, pyogrio, unflushed
+from furrowmap.exporters.files.vector_layers import UTC_OFFSET, unflushed, write_arrays
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
 from furrowmap.exporters.vectors.labels import LAYER_NAMES
 from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, with_words
@@ -109,7 +110,7 @@ def write_layer(
     options = {"DESCRIPTION": layer.description}
     if layer.kind:
         options |= {"GEOMETRY_NAME": GEOMETRY, "SPATIAL_INDEX": "YES" if indexed else "NO"}
-    pyogrio.raw.write(
+    write_arrays(
         path,
         shapely.to_wkb(layer.shapes, output_dimension=3 if with_height else 2) if layer.kind else None,
         [np.ma.getdata(values) for values in columns.values()],
@@ -128,14 +129,14 @@ def write_layer(
 
 def read_layer(path: Path, name: str) -> Layer:
     """A layer of a GeoPackage as :func:`write_layer` takes it; ValueError if it is damaged."""
-    meta, _, wkb, data = pyogrio.raw.read(path, layer=name)
+    meta, wkb, data = read_layer_arrays(path, name)
     rows = len(data[0]) if len(data) else 0
     shapes = geometry_array(shapely.from_wkb(wkb) if wkb is not None else [None] * rows)
     if not np.isfinite(shapely.get_coordinates(shapes)).all():
         raise ValueError(f"layer '{name}' has coordinates that are not finite")
     kind = str(meta["geometry_type"] or "")
     kind = f"2.5D {kind.removesuffix(' Z')}" if kind.endswith(" Z") else kind
-    description = (pyogrio.read_info(path, layer=name).get("layer_metadata") or {}).get("DESCRIPTION", "")
+    description = (layer_info(path, name).get("layer_metadata") or {}).get("DESCRIPTION", "")
     fields = zip(meta["fields"], meta["dtypes"], data, strict=True)
     columns = {str(field): _typed(values, str(dtype)) for field, dtype, values in fields}
     return Layer(name, kind, str(description), shapes, columns)
@@ -195,7 +196,7 @@ def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False,
         "ui": np.full(n, None, dtype=object),
         "update_time": np.full(n, np.datetime64("now", "ms")),
     }
-    pyogrio.raw.write(
+    write_arrays(
         path,
         None,
         list(columns.values()),

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
-from rasterio.windows import Window
 
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod, cloud_tiles
+from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.arrays import Float32Array
@@ -30,6 +29,7 @@ from furrowmap.core.surfaces.terrain import (
     random_roughness,
     slope_deg,
 )
+from furrowmap.exporters.farm.surface_file import unusable
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
@@ -59,13 +59,19 @@ CELLS_A_PLOT: Final = 5
 
 def cells_of(path: Path, box_m: tuple[float, float, float, float], cell_m: float) -> tuple[Float32Array, Grid]:
     """Every n-th cell of the first band over west, south, east, north, of a size or less; nan where unknown."""
-    with rasterio.open(path) as raster:
-        step = max(1, round(cell_m / raster.res[0]))
-        grid = Grid.of_bounds(raster.res[0] * step, box_m)
-        left, top = (round(edge / raster.res[0]) for edge in (raster.bounds.left, raster.bounds.top))
-        window = Window(grid.west * step - left, top - grid.north * step, grid.columns * step, grid.rows * step)
-        read = raster.read(1, window=window, boundless=True, masked=True)
-    return read.astype(np.float32).filled(np.nan)[::step, ::step], grid
+    with open_geotiff(path, unusable) as raster:
+        size_m = raster.res[0]
+        step = max(1, round(cell_m / size_m))
+        grid = Grid.of_bounds(size_m * step, box_m)
+        left, top = (round(edge / size_m) for edge in (raster.bounds.left, raster.bounds.top))
+        whole = Grid(size_m, left, top, raster.shape)
+        part = Grid(size_m, grid.west * step, grid.north * step, (grid.rows * step, grid.columns * step))
+        heights = np.full(part.shape, np.nan, np.float32)
+        shared = shared_cells(part, whole)
+        if shared is not None:
+            read = raster.read(1, window=window(shared, whole), masked=True)
+            heights[shared.window_in(part)] = read.astype(np.float32).filled(np.nan)
+    return heights[::step, ::step], grid
 
 
 def extent_of(path: Path) -> tuple[float, float, float, float]:
@@ -152,7 +158,7 @@ class CloudRasters:
         spots, coarse = self._low_spots(progress)
         if coarse is not None:
             notices.append(coarse)
-        with rasterio.open(self.folder / DSM) as raster:
+        with open_geotiff(self.folder / DSM, unusable) as raster:
             seen = sum(int(np.isfinite(raster.read(1, window=block)).sum()) for _, block in raster.block_windows(1))
         figures = {
             "area_m2": round(seen * grid.cell_area_m2, 2),
@@ -183,7 +189,7 @@ class CloudRasters:
         source = self.folder / _unfilled(name, self.settings)
         reach = self.settings.fill_m / self.grid.cell_m
         title = SURFACE_TITLE if name == DSM else "ground"
-        with self._output(name, title, [*SURFACE_BANDS, FILLED_BAND]) as put, rasterio.open(source) as raster:
+        with self._output(name, title, [*SURFACE_BANDS, FILLED_BAND]) as put, open_geotiff(source, unusable) as raster:
             for inner, outer in windows(self.grid, int(2 * reach) + 1):
                 bands = raster.read(window=window(outer, self.grid))
                 height = bridged(bands[0].astype(np.float64), reach)
@@ -256,7 +262,7 @@ class CloudRasters:
         self, name: str, margin: int, progress: Progress, stage: str
     ) -> Iterator[tuple[Grid, Grid, NDArray[np.float32]]]:
         """Windows of a finished surface that have a height: own cells, cells with a margin, and their heights."""
-        with rasterio.open(self.folder / name) as raster:
+        with open_geotiff(self.folder / name, unusable) as raster:
             for inner, outer in windows(self.grid, margin):
                 height = raster.read(1, window=window(outer, self.grid))
                 if np.isfinite(height).any():

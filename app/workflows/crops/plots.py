@@ -12,6 +12,7 @@ from furrowmap.core.crops.parcels import plot_grid
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.areas.area import placed
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.values.crs import crs_of_file
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.core.values.plot_grid import PlotGrid
 from furrowmap.exporters.files.atomic import refuse_existing
@@ -83,6 +84,6 @@ def _on_map(place: Place, target: CRS) -> np.ndarray[tuple[int], np.dtype[np.flo
 
 def _known(text: str) -> CRS:
     try:
-        return CRS.from_user_input(text)
+        return crs_of_file(text)
     except CRSError as error:
         raise InputError("crs-unknown", text=text, error=error) from None

@@ -13,10 +13,13 @@ from urllib.parse import quote
 import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.readers.sqlite_file import limited_steps
 from furrowmap.core.runtime.errors import InputError, RefusedError
 
 TILE_KINDS: Final = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}
 MAX_ZOOM: Final = 24
+MAX_QUERY_STEPS: Final = 20_000_000
+"""Instructions of SQLite that finding a tile may take, about a second; it takes some dozens."""
 NEAR_M: Final = 500.0
 """The place of tiles is linear in the map's coordinates: this far away they are off by 2 cm, by the square of it."""
 
@@ -87,7 +90,7 @@ def _mbtiles(path: Path) -> tuple[BackgroundMap, bytes]:
     lock = Lock()
 
     def row(query: str, *values: object) -> tuple[Any, ...]:
-        with lock:
+        with lock, limited_steps(database, MAX_QUERY_STEPS):  # `tiles` may be a stored query
             return database.execute(query, values).fetchone() or (None,)
 
     def tile(zoom: int, column: int, line: int) -> bytes | None:

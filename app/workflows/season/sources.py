@@ -14,9 +14,10 @@ import shapely
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_names import is_file_name
-from furrowmap.core.values.crs import name_of
+from furrowmap.core.values.crs import crs_of_file, name_of
 from furrowmap.exporters.exchange.stac import session_identifier
 from furrowmap.exporters.farm.results import local_date, zone_of
 from furrowmap.exporters.farm.surface_file import horizontal, same_map
@@ -32,7 +33,6 @@ from furrowmap.exporters.files.result_folder import (
     open_result,
     reading_result,
 )
-from furrowmap.exporters.files.vector_layers import pyogrio
 
 PASSES: Final = "passes"
 Box = tuple[float, float, float, float]
@@ -140,14 +140,14 @@ def _moved_surfaces(tie: Path) -> Iterator[tuple[Path, Path]]:
 def _session(result: ResultFolder, moved: Path | None) -> SeasonSession:
     path = result.folder / FIELD
     with reading_result(path):
-        crs = horizontal(CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"]))
+        crs = horizontal(crs_of_file(layer_info(path, TRAJECTORY)["crs"]))
         figures = result.report["figures"]
         start, end = (dt.datetime.fromisoformat(figures[key]) for key in ("start", "end"))
         low, high = np.array(figures["bounds_m"], np.float64)
         zone = zone_of(result.report, shapely.Point(0.5 * (low + high)), crs)
         passes = None
         if PASSES in result.layer_names:
-            found = pyogrio.read_info(path, layer=PASSES, force_total_bounds=True)["total_bounds"]
+            found = layer_info(path, PASSES, bounds=True)["total_bounds"]
             if found is not None and np.isfinite(found).all():  # None of a layer without rows
                 passes = (float(found[0]), float(found[1]), float(found[2]), float(found[3]))
     surfaces = {Path(name).stem: result.folder / name for name in (DSM, CHANGE) if (result.folder / name).is_file()}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.readers.areas.repair import workable
 from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.text_table import number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, VECTOR_FORMATS, Polygons, Unreadable, read_polygons
@@ -74,7 +75,10 @@ def _corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygon
         shapes.append(shapely.Polygon(xy[members]))
         attributes.append({column: name, **{key: number_or_text(cells[members[0]]) for key, cells in others.items()}})
     crs = target if names in _MAP_PAIRS else target.geodetic_crs or target
-    return Polygons(tuple(shapes), tuple(attributes), crs, 0)
+    try:
+        return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, 0)
+    except ValueError as error:
+        raise unreadable(str(error)) from None
 
 
 def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:

@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.readers.areas.repair import expect_few_crossings, repaired
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name, leads_out
@@ -305,7 +306,18 @@ def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
         if len(usable) < 3 or len(usable) < len(places) or far or ring.get("A") not in (*EXTERIORS, INTERIOR):
             notices.append(Notice("boundary-ring", name=name, usable=len(usable), places=len(places)))
         else:
-            (holes if ring.get("A") == INTERIOR else shells).append(shapely.make_valid(shapely.Polygon(usable)))
+            try:
+                outline = repaired(shapely.Polygon(usable))
+            except ValueError:
+                notices.append(Notice("boundary-ring", name=name, usable=len(usable), places=len(places)))
+                continue
+            (holes if ring.get("A") == INTERIOR else shells).append(outline)
+    try:
+        expect_few_crossings(np.array([*shells, *holes, None], object)[:-1])
+    except ValueError:
+        places_of_all = int(shapely.get_num_coordinates(np.array([*shells, *holes], object)).sum())
+        notices.append(Notice("boundary-ring", name=name, usable=0, places=places_of_all))
+        return shapely.Polygon()
     return shapely.difference(shapely.union_all(shells), shapely.union_all(holes))
 
 

@@ -37,6 +37,7 @@ from furrowmap.core.readers.las.tables import E57_SIGNATURE, TABLE_HEADER_BYTES,
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import las_time_to_utc
+from furrowmap.core.values.crs import crs_of_file
 from furrowmap.core.values.extents import bounds
 
 _USER_ID: Final = "LASF_Projection"
@@ -78,7 +79,8 @@ def stated_crs(
 def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | None:
     text = data.split(b"\0")[0].decode("utf-8", "replace").strip()
     try:
-        return pyproj.CRS.from_wkt(text)
+        pyproj.CRS.from_wkt(text)  # no other form is one of LAS
+        return crs_of_file(text)
     except (CRSError, ProjError) as error:
         reason = str(error).split(":")[0][:120]
         notices.append(
@@ -111,7 +113,7 @@ def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> 
                 rasterio.MemoryFile(_pixel(records), ext=".tif") as file,
                 file.open(driver="GTiff") as picture,
             ):
-                found = pyproj.CRS.from_wkt(picture.crs.to_wkt()) if picture.crs else None
+                found = crs_of_file(picture.crs.to_wkt()) if picture.crs else None
         except (RasterioError, CRSError, ProjError, ValueError):
             found = None
         flat = found.sub_crs_list[0] if found is not None and found.is_compound else found

@@ -27,6 +27,7 @@ from typing import Any, ClassVar, Final, NamedTuple
 from urllib.parse import quote
 
 from furrowmap.core.readers.source import Source
+from furrowmap.core.readers.sqlite_file import is_plain_table, names_second_file
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.memory import expect_disk, expect_growth
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
@@ -479,6 +480,9 @@ class Db3Storage(BagStorage):
                 with closing(sqlite3.connect(f"file:{quote(str(database))}?{flags}", uri=True)) as connection:
                     largest = min(MAX_RECORD_BYTES, database.stat().st_size)
                     connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, largest)
+                    computed = [name for name in ("topics", "messages") if not is_plain_table(connection, name)]
+                    if computed:  # a stored query may never end
+                        raise sqlite3.DatabaseError(f"it has no table {computed[0]}")
                     size = database.stat().st_size
                     end_after(connection, _SQLITE_STEPS + _SQLITE_STEPS_A_BYTE * size)
                     yield from self._rows(connection, topics, size)
@@ -501,6 +505,9 @@ class Db3Storage(BagStorage):
             if source.fault:
                 self._note("bag-cut.unpacking", fault=source.fault)
         for journal in journals:
+            if names_second_file(journal):
+                self._note("bag-cut.database", error=f"{journal.name} names another file")
+                continue
             shutil.copyfile(journal, f"{copy}{journal.name[len(self.path.name) :]}")
             self._note("bag-unclosed", journal=journal.name)
         return copy, True

@@ -102,8 +102,8 @@ def test_missing_file__is_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("ring", "says"),
     [
-        ("[[1e999,1],[1,2],[2,2],[1e999,1]]", "not finite"),
-        ("[[NaN,1],[1,2],[2,2],[NaN,1]]", "linestring"),
+        ("[[1e999,1],[1,2],[2,2],[1e999,1]]", "out of range"),
+        ("[[NaN,1],[1,2],[2,2],[NaN,1]]", "invalid character"),
         ("[[140,95],[140.1,99],[140.1,95],[140,95]]", "99 latitude"),
         ("[[1000,35],[1001,36],[1001,35],[1000,35]]", "1001 longitude"),
         ("[[140,35],[143,36],[143,35],[140,35]]", "3° wide"),

@@ -1,0 +1,126 @@
+"""Polygons of GeoJSON (RFC 7946), read without GDAL, whose drivers take a text for whatever it mentions."""
+
+import json
+from collections.abc import Iterator
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+import shapely
+from pyproj import CRS
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.values.crs import crs_of_file
+
+MAX_CORNERS: Final = 5_000_000
+_GEOMETRIES: Final = (
+    "Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection",
+)  # fmt: skip
+_LONGITUDES: Final = CRS.from_epsg(4326)
+
+
+class _Object(msgspec.Struct):
+    """Any object of GeoJSON; what it does not need stays text."""
+
+    type: str = ""
+    features: list[msgspec.Raw] | None = None
+    geometry: msgspec.Raw = msgspec.Raw()
+    properties: dict[str, Any] | None = None
+    coordinates: msgspec.Raw = msgspec.Raw()
+    crs: dict[str, Any] | None = None
+
+
+_Ring = list[list[float]]
+
+
+def read_geojson(data: bytes) -> tuple[list[BaseGeometry], list[dict[str, Any]], CRS, int]:
+    """Polygons and multipolygons, the properties of each, the CRS, and the number of features with other geometries.
+
+    Raises:
+        ValueError: if it is no GeoJSON (msgspec's errors are among them), a polygon is none, or it has too many
+            corners or levels.
+        CRSError: if its CRS is unknown.
+    """
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if data.count(b"[") > MAX_CORNERS:
+        raise ValueError(f"it has more than {MAX_CORNERS:,} corners")
+    try:
+        root = msgspec.json.decode(data, type=_Object)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+    shapes: list[BaseGeometry] = []
+    properties: list[dict[str, Any]] = []
+    others = 0
+    for one in _features(root):
+        shape = _polygon(one.geometry)
+        if shape is None:
+            others += 1
+            continue
+        shapes.append(shape)
+        properties.append({name: _cell(value) for name, value in (one.properties or {}).items()})
+    return shapes, properties, _crs(root.crs), others
+
+
+def _features(root: _Object) -> Iterator[_Object]:
+    if root.type == "FeatureCollection":
+        for raw in root.features or []:
+            one = msgspec.json.decode(raw, type=_Object)
+            if one.type != "Feature":
+                raise ValueError(f"one of its features is a {one.type[:40]!r}")
+            yield one
+    elif root.type == "Feature":
+        yield root
+    elif root.type in _GEOMETRIES:
+        geometry = {"type": root.type, "coordinates": _given(root.coordinates, b"[]")}
+        yield _Object("Feature", geometry=msgspec.Raw(msgspec.json.encode(geometry)))
+    else:
+        raise ValueError(f"it is JSON of the type {root.type[:40]!r} and no GeoJSON")
+
+
+def _given(raw: msgspec.Raw, otherwise: bytes) -> msgspec.Raw:
+    return raw if len(memoryview(raw)) else msgspec.Raw(otherwise)
+
+
+def _polygon(raw: msgspec.Raw) -> BaseGeometry | None:
+    """The polygon or multipolygon of a feature; None for another geometry, or none."""
+    geometry = msgspec.json.decode(_given(raw, b"null"), type=_Object | None)
+    if geometry is None:
+        return None
+    if geometry.type not in _GEOMETRIES:
+        raise ValueError(f"a feature has a geometry of the type {geometry.type[:40]!r}")
+    coordinates = _given(geometry.coordinates, b"[]")
+    if geometry.type == "Polygon":
+        return _of_rings(msgspec.json.decode(coordinates, type=list[_Ring]))
+    if geometry.type == "MultiPolygon":
+        return shapely.MultiPolygon(
+            [_of_rings(part) for part in msgspec.json.decode(coordinates, type=list[list[_Ring]])]
+        )
+    return None
+
+
+def _of_rings(rings: list[_Ring]) -> shapely.Polygon:
+    """A polygon; a ring that is not closed is closed, and heights are left out."""
+    if any(len(corner) < 2 for ring in rings for corner in ring):
+        raise ValueError("a corner has fewer than two coordinates")
+    corners = [np.array([corner[:2] for corner in ring], np.float64).reshape(-1, 2) for ring in rings]
+    few = next((len(ring) for ring in corners if 0 < len(ring) < 3), 0)
+    if few:
+        raise ValueError(f"a ring has {few} corners")
+    shell, *holes = [ring for ring in corners if len(ring)] or [np.empty((0, 2))]
+    return shapely.Polygon(shell, holes)
+
+
+def _cell(value: Any) -> Any:
+    """A property as a cell of a table: lists and objects as JSON."""
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, list | dict) else value
+
+
+def _crs(stated: dict[str, Any] | None) -> CRS:
+    """The CRS that files of before RFC 7946 name; else longitudes and latitudes in WGS 84."""
+    if stated is None:
+        return _LONGITUDES
+    properties = stated.get("properties")
+    name = properties.get("name") if isinstance(properties, dict) else None
+    if stated.get("type") != "name" or not isinstance(name, str):
+        raise ValueError("its CRS is no name")
+    return crs_of_file(name)
