@@ -11,7 +11,7 @@ from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.agopengps import is_field_folder, read_outline
-from furrowmap.core.readers.areas.repair import repaired
+from furrowmap.core.readers.areas.repair import made_valid, repaired
 from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, is_task_data, open_task_files, read_content
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
 from furrowmap.core.runtime.errors import InputError
@@ -75,7 +75,7 @@ def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
     to_base = Transformer.from_crs(polygons.crs, base.to_2d(), always_xy=True)
     outlines = []
     for shape in polygons.shapes:
-        outline = shapely.transform(repaired(shape), lambda xy: np.column_stack(to_base.transform(*xy.T)))
+        outline = made_valid(shapely.transform(shape, lambda xy: np.column_stack(to_base.transform(*xy.T))))
         if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
             raise _unreadable(path, "its polygons are empty, or their coordinates do not match its CRS")
         west, south, east, north = outline.bounds

@@ -75,6 +75,16 @@ def _pyogrio() -> Any:
 
 @contextmanager
 def _for_one_driver(path: Path) -> Iterator[Path]:
+    """As :func:`_named`; ValueError where pyogrio finds no layer, of which it raises IndexError."""
+    with _named(path) as named:
+        try:
+            yield named
+        except IndexError:
+            raise ValueError("it has no layer") from None
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[Path]:
     """A path of the file for which GDAL has one driver, that of the file's first bytes; a copy where it needs one."""
     with path.open("rb") as file:
         head = file.read(64)

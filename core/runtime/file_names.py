@@ -1,8 +1,10 @@
 """Names that were read from a file and become paths: they stay inside the folder that they belong to."""
 
+import fnmatch
 import os
 import re
 import unicodedata
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -68,3 +70,62 @@ def inside(folder: Path, name: str, source: Path) -> Path:
     if is_file_name(name) and not leads_out(folder / name, folder):
         return folder / name
     raise InputError("name-outside", source=source, name=name, folder=folder)
+
+
+MAX_ENTRIES: Final = 200_000
+"""Files and folders that a pattern is compared with."""
+
+
+class LeavesFolder(Exception):
+    """A pattern leads out of its folder."""
+
+
+class TooManyEntries(Exception):
+    """A pattern is compared with more than :data:`MAX_ENTRIES` files and folders."""
+
+
+def matching(folder: Path, pattern: str) -> list[Path]:
+    """The files and folders below one that match a pattern such as `images/*.jpg` or `**/*.jpg`, sorted.
+
+    Raises:
+        LeavesFolder: if the pattern is absolute, has a part `..`, or follows a link out of the folder.
+        TooManyEntries: if there is too much to search.
+        OSError: if a folder cannot be read.
+    """
+    parts = [part for part in pattern.replace("\\", "/").split("/") if part not in ("", ".")]
+    if pattern.startswith(("/", "\\")) or _DRIVE.match(pattern) or ".." in parts or "\0" in pattern:
+        raise LeavesFolder
+    found: dict[Path, None] = {}
+    count = 0
+    # places are looked at one after another, each with the parts of the pattern that remain
+    waiting: list[tuple[Path, int]] = [(folder, 0)]
+    seen: set[tuple[Path, int]] = set()
+    while waiting:
+        state = waiting.pop()
+        if state in seen:
+            continue
+        seen.add(state)
+        place, k = state
+        if k == len(parts):
+            found[place] = None
+            continue
+        if place.is_symlink() and leads_out(place, folder):
+            raise LeavesFolder
+        if parts[k] == "**":
+            waiting.append((place, k + 1))
+        for entry in _entries(place):
+            count += 1
+            if count > MAX_ENTRIES:
+                raise TooManyEntries
+            if parts[k] == "**":
+                if entry.is_dir(follow_symlinks=False):
+                    waiting.append((Path(entry.path), k))
+            elif fnmatch.fnmatch(entry.name, parts[k]):
+                waiting.append((Path(entry.path), k + 1))
+    return sorted(found)
+
+
+def _entries(place: Path) -> Iterator[os.DirEntry[str]]:
+    if place.is_dir():
+        with os.scandir(place) as entries:
+            yield from entries

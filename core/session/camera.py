@@ -7,7 +7,7 @@ from typing import Final
 
 from furrowmap.core.readers.exif import exif_images, read_image_table
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.file_names import leads_out
+from furrowmap.core.runtime.file_names import MAX_ENTRIES, LeavesFolder, TooManyEntries, leads_out, matching
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.session import CameraSource
@@ -79,9 +79,15 @@ def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]
     found: dict[Path, None] = {}
     for named in source.files:
         try:
-            paths = sorted(folder.glob(named)) if not _WILD.isdisjoint(named) else [folder / named]
+            paths = matching(folder, named) if not _WILD.isdisjoint(named) else [folder / named]
             there = [path for path in paths if path.is_file()]
-        except (OSError, ValueError, NotImplementedError):
+        except LeavesFolder:
+            raise _outside(session_file, named) from None
+        except TooManyEntries:
+            raise InputError(
+                "session-path-outside.entries", session_file=session_file, named=named, most=MAX_ENTRIES
+            ) from None
+        except (OSError, ValueError):
             paths, there = [], []
         if any(leads_out(path, folder) for path in paths):
             raise _outside(session_file, named)

@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.areas.area import Area
+from furrowmap.core.readers.areas.repair import made_valid
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
@@ -103,10 +104,7 @@ def _union(fields: Sequence[FieldOutline]) -> BaseGeometry:
 def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:
     """The polygons of `boundary` (longitude, latitude) on the map; raises InputError outside the area of its CRS."""
     try:
-        return shapely.make_valid(
-            shapely.transform(boundary, lambda xy: np.column_stack(frame.project(xy[:, 0], xy[:, 1]))),
-            method="structure",
-        )
+        return made_valid(shapely.transform(boundary, lambda xy: np.column_stack(frame.project(xy[:, 0], xy[:, 1]))))
     except RefusedError as error:
         lon, lat = boundary.centroid.coords[0]
         raise InputError("boundary-elsewhere", lat=lat, lon=lon, frame=frame.name) from error

@@ -24,10 +24,10 @@ MANY_CORNERS: Final = 10_000
 _FEW_EDGES: Final = 400
 """So few edges are compared at once, whatever their place."""
 _CHUNK: Final = 2048
-MAX_CROSSINGS: Final = 100_000
+MAX_CROSSINGS: Final = 20_000
 MAX_NEAR_PAIRS: Final = 50_000_000
 """Pairs of edges whose boxes overlap: some seconds of GEOS for each operation."""
-_MAX_COMPARED: Final = 2_000_000_000
+_MAX_COMPARED: Final = 500_000_000
 
 
 def workable(shapes: Sequence[BaseGeometry], crs: CRS | None) -> NDArray[Any]:
@@ -53,6 +53,12 @@ def repaired(shape: BaseGeometry) -> BaseGeometry:
         ValueError: as :func:`workable`.
     """
     (shape,) = workable([shape], None)
+    return made_valid(shape)
+
+
+def made_valid(shape: BaseGeometry) -> BaseGeometry:
+    """As :func:`repaired`, of what is workable."""
+    # Of rings that cross themselves, GEOS's other method takes a hundred times as long, and all memory for equal holes.
     return shape if shape.is_valid else shapely.make_valid(shape, method="structure", keep_collapsed=False)
 
 

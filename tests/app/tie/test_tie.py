@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -237,6 +238,11 @@ def test_tie__has_the_place_from_walls_and_posts_where_the_ground_shows_none(tmp
     account = furrowmap.tie(smooth, tmp_path / "out", warn=warned.append)
     assert [notice.code for notice in warned] == ["tie-moved"]
     assert "pieces of walls and posts are elsewhere on date 1 than on date 0" in warned[0].text
+    stated = re.search(r"around easting ([\d.-]+) m, northing ([\d.-]+) m", warned[0].text)
+    assert stated is not None
+    west, south, east, north = GRID.bounds_m
+    assert west - 20.0 < float(stated[1]) < east + 20.0
+    assert south - 20.0 < float(stated[2]) < north + 20.0
     (row,) = account["ties"]
     assert row["upright"] > 20
     assert (row["east_m"], row["north_m"]) == pytest.approx((-0.05, 0.0), abs=0.008)
