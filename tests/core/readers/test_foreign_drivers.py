@@ -288,7 +288,8 @@ def test_a_geotiff__has_its_place_mask_and_missing_value_from_beside_it(tmp_path
 
 @pytest.mark.parametrize("end", [".tfw", ".aux.xml", ".msk"])
 def test_promise_23__neighbours_that_are_links_or_too_large_are_refused(end: str, bait: Bait, tmp_path: Path) -> None:
-    path = geotiff(tmp_path / "dsm.tif")
+    (tmp_path / "result").mkdir()
+    path = geotiff(tmp_path / "result" / "dsm.tif")
     beside = path.with_suffix(end) if end == ".tfw" else Path(f"{path}{end}")
     beside.symlink_to(bait.file)
     with pytest.raises(InputError, match="is a link to another folder"):

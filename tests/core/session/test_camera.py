@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from furrowmap.core.runtime import file_names
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.session.camera import camera_of, images_of
 from furrowmap.core.session.file import parse_session
@@ -140,6 +141,36 @@ def test_images__outside_the_folder_of_the_session_are_refused(tmp_path: Path, s
     with pytest.raises(InputError) as refused:
         images_of(tmp_path / "session" / "session.toml", source, [])
     assert refused.value.code == "session-path-outside"
+
+
+@pytest.mark.parametrize(
+    "pattern", ["../*.jpg", "../../../../**/*.jpg", "/**/*.jpg", "C:/*.jpg", "out/*.jpg", "o*/*.jpg", "a/../../*.jpg"]
+)
+def test_promise_23__patterns_stay_in_the_folder_of_the_session(tmp_path: Path, pattern: str) -> None:
+    for name in ("other", "session"):
+        (tmp_path / name).mkdir()
+        folder_of_images(tmp_path / name, 1)
+    (tmp_path / "session" / "out").symlink_to(tmp_path / "other")
+    with pytest.raises(InputError, match="is outside the session's folder"):
+        images_of(tmp_path / "session" / "session.toml", CameraSource(files=(pattern,)), [])
+
+
+def test_promise_23__patterns_search_so_many_files_and_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(file_names, "MAX_ENTRIES", 50)
+    for k in range(60):
+        (tmp_path / f"{k}").mkdir()
+    with pytest.raises(InputError, match="looked for among more than") as refused:
+        images_of(tmp_path / "session.toml", CameraSource(files=("**/*.jpg",)), [])
+    assert refused.value.code == "session-path-outside"
+
+
+@pytest.mark.parametrize("pattern", ["*.jpg", "*/*.jpg", "**/*.jpg", "**/[0-1].jpg", "a/b/?.jpg", "**/b/**/0.jpg"])
+def test_patterns__match_as_those_of_pathlib(tmp_path: Path, pattern: str) -> None:
+    for name in ("a/b", "ab", "c/b/d"):
+        (tmp_path / name).mkdir(parents=True)
+        folder_of_images(tmp_path / name, 2)
+    folder_of_images(tmp_path, 3)
+    assert file_names.matching(tmp_path, pattern) == sorted(tmp_path.glob(pattern))
 
 
 @pytest.mark.parametrize(
