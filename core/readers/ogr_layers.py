@@ -6,7 +6,6 @@ driver; all three formats begin with bytes among which no text is found, in whic
 """
 
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.sqlite_file import SQLITE_MAGIC, check_sqlite
 from furrowmap.core.runtime.file_names import leads_out
 from furrowmap.core.runtime.memory import expect_disk
+from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 
 FLATGEOBUF_MAGIC: Final = b"fgb"
 SHAPEFILE_MAGIC: Final = b"\0\0\x27\x0a"
@@ -89,8 +89,10 @@ def _named(path: Path) -> Iterator[Path]:
     with path.open("rb") as file:
         head = file.read(64)
     if head.startswith(SHAPEFILE_MAGIC):
-        with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
-            yield _copied_shapefile(path, Path(folder))
+        with scratch_directory() as folder:
+            with writing_scratch():
+                copied = _copied_shapefile(path, folder)
+            yield copied
         return
     if head.startswith(SQLITE_MAGIC):
         suffix = ".gpkg"
@@ -103,12 +105,13 @@ def _named(path: Path) -> Iterator[Path]:
     if path.suffix == suffix and "!" not in path.name and not path.as_posix().startswith("/vsi"):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
-        expect_disk(path, Path(folder), path.stat().st_size)
-        copy = Path(folder) / f"layer{suffix}"
-        shutil.copyfile(path, copy)
-        if Path(f"{path}-wal").is_file():
-            shutil.copyfile(f"{path}-wal", f"{copy}-wal")
+    with scratch_directory() as folder:
+        copy = folder / f"layer{suffix}"
+        with writing_scratch():
+            expect_disk(path, folder, path.stat().st_size)
+            shutil.copyfile(path, copy)
+            if Path(f"{path}-wal").is_file():
+                shutil.copyfile(f"{path}-wal", f"{copy}-wal")
         yield copy
 
 

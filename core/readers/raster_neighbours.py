@@ -5,7 +5,6 @@ an address. Here a GeoTIFF is opened in a folder without neighbours; those that 
 """
 
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +15,7 @@ from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import leads_out
 from furrowmap.core.runtime.memory import expect_disk
+from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 
 _WORLD_FILES: Final = (".tfw", ".tifw", ".tiffw", ".wld")
 _MAX_WORLD_FILE: Final = 4096
@@ -40,17 +40,23 @@ def with_checked_neighbours(path: Path) -> Iterator[tuple[Path, dict[str, Any]]]
     if not beside:
         yield path, ALONE
         return
-    with tempfile.TemporaryDirectory(prefix="furrowmap-") as name:
-        folder = Path(name)
-        own = folder / "raster.tif"
-        try:
-            own.symlink_to(path.absolute())
-        except OSError:  # Windows keeps links to administrators
-            expect_disk(path, folder, path.stat().st_size)
-            shutil.copyfile(path, own)
-        for end, part in beside.items():
-            _copy(part, end, folder, path.absolute().parent)
+    with scratch_directory() as folder:
+        with writing_scratch():
+            own = _beside_copies(path, beside, folder)
         yield own, AMONG_COPIES
+
+
+def _beside_copies(path: Path, beside: dict[str, Path], folder: Path) -> Path:
+    """The raster, by a link if possible, in a folder with copies of its neighbours."""
+    own = folder / "raster.tif"
+    try:
+        own.symlink_to(path.absolute())
+    except OSError:  # Windows keeps links to administrators
+        expect_disk(path, folder, path.stat().st_size)
+        shutil.copyfile(path, own)
+    for end, part in beside.items():
+        _copy(part, end, folder, path.absolute().parent)
+    return own
 
 
 def expect_no_links(raster: Any) -> None:
