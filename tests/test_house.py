@@ -95,7 +95,7 @@ BOUNDARIES = {
     "gzip": [],
     "tarfile": [],
     "pickle": [],
-    "sqlite3": ["core.readers.rosbag.storage", "workflows.live.background"],
+    "sqlite3": ["core.readers.sqlite_file", "core.readers.rosbag.storage", "workflows.live.background"],
     "pmtiles": ["workflows.live.background"],
     "zipfile": [
         "workflows.share.qgis_plugin",  # writes alone
@@ -106,13 +106,18 @@ BOUNDARIES = {
     ],
     "PIL": ["core.readers.exif"],
     "xml": ["core.readers.isoxml.xml"],
-    "pyogrio": ["core.readers.vector_file", "cli.main"],  # the latter: its version
+    "pyogrio": ["core.readers.ogr_layers", "cli.main"],  # the latter: its version
     "jgdtrans": ["core.geodesy.projection"],
     "japan_geoid": ["core.geodesy.projection"],
     "rasterio": [
-        *("core.readers.geotiff", "core.readers.las.cloud", "core.readers.ouster.osf"),
+        *(
+            "core.readers.geotiff",
+            "core.readers.raster_neighbours",
+            "core.readers.las.cloud",
+            "core.readers.ouster.osf",
+        ),
         "core.checking.point_check",
-        *("core.surfaces.terrain", "results", "workflows.clouds.rasters", "workflows.clouds.surface"),
+        *("core.surfaces.terrain", "results", "workflows.clouds.surface"),
         "cli.main",  # its version
     ],
 }

@@ -7,9 +7,9 @@ an address. Here a GeoTIFF is opened in a folder without neighbours; those that 
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from html import escape
 from pathlib import Path
 from typing import Any, Final
-from xml.sax.saxutils import escape, quoteattr
 
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.runtime.errors import InputError
@@ -119,10 +119,10 @@ def _own_values(path: Path) -> str:
     parts = [_written(one) for one in root.children if one.tag in _OF_DATASET]
     for band in root.all("PAMRasterBand"):
         values = "".join(_written(one) for one in band.children if one.tag in _OF_BAND)
-        parts.append(f"<PAMRasterBand band={quoteattr(band.get('band'))}>{values}</PAMRasterBand>")
+        parts.append(f"<PAMRasterBand band='{escape(band.get('band'))}'>{values}</PAMRasterBand>")
     return f"<PAMDataset>{''.join(parts)}</PAMDataset>"
 
 
 def _written(element: Element) -> str:
-    attributes = "".join(f" {name}={quoteattr(value)}" for name, value in element.attributes.items())
+    attributes = "".join(f' {name}="{escape(value)}"' for name, value in element.attributes.items())
     return f"<{element.tag}{attributes}>{escape(element.text)}</{element.tag}>"
