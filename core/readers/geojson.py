@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.values.crs import crs_of_file
 
 MAX_CORNERS: Final = 5_000_000
-_GEOMETRIES: Final = (
+_GEOMETRY_TYPES: Final = (
     "Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection",
 )  # fmt: skip
 _LONGITUDES: Final = CRS.from_epsg(4326)
@@ -70,7 +70,7 @@ def _features(root: _Object) -> Iterator[_Object]:
             yield one
     elif root.type == "Feature":
         yield root
-    elif root.type in _GEOMETRIES:
+    elif root.type in _GEOMETRY_TYPES:
         geometry = {"type": root.type, "coordinates": _given(root.coordinates, b"[]")}
         yield _Object("Feature", geometry=msgspec.Raw(msgspec.json.encode(geometry)))
     else:
@@ -86,7 +86,7 @@ def _polygon(raw: msgspec.Raw) -> BaseGeometry | None:
     geometry = msgspec.json.decode(_given(raw, b"null"), type=_Object | None)
     if geometry is None:
         return None
-    if geometry.type not in _GEOMETRIES:
+    if geometry.type not in _GEOMETRY_TYPES:
         raise ValueError(f"a feature has a geometry of the type {geometry.type[:40]!r}")
     coordinates = _given(geometry.coordinates, b"[]")
     if geometry.type == "Polygon":

@@ -156,7 +156,7 @@ def _within(element: Element, tag: str) -> Iterator[Element]:
 
 
 MAX_VECTOR_BYTES: Final = 100_000_000
-MAX_COORDINATE: Final = 1e9
+MAX_POLYGON_COORDINATE: Final = 1e9
 """In any unit that a CRS may have."""
 VECTOR_FORMATS: Final = "GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML"
 
@@ -214,7 +214,7 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     corners = shapely.get_coordinates(np.array(found.shapes, object))
     if not np.isfinite(corners).all():
         raise unreadable("a corner has coordinates that are not finite")
-    if len(corners) and np.abs(corners).max() > MAX_COORDINATE:
+    if len(corners) and np.abs(corners).max() > MAX_POLYGON_COORDINATE:
         raise unreadable(f"a corner has the coordinate {np.abs(corners).max():g}, which is nowhere on the Earth")
     try:
         return replace(found, shapes=tuple(workable(found.shapes, found.crs)))
