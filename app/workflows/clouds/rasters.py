@@ -76,7 +76,7 @@ def cells_of(path: Path, box_m: tuple[float, float, float, float], cell_m: float
 
 def extent_of(path: Path) -> tuple[float, float, float, float]:
     """West, south, east and north of a raster."""
-    with rasterio.open(path, driver="GTiff") as raster:
+    with open_geotiff(path, unusable) as raster:
         west, south, east, north = raster.bounds
     return float(west), float(south), float(east), float(north)
 
