@@ -1,7 +1,7 @@
 """Returns of a moving scanner with the poses at their times."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -34,6 +34,7 @@ class StripReturns:
         velocity_mps: (n, 3) of the vehicle.
         rate_radps: (n, 3) angular rate in the map's axes.
         local_m: (3,) the local origin, a corner of a cell.
+        beam: (n,) number of the laser, the lowest first; empty where it is not known.
     """
 
     t_s: FloatArray
@@ -44,6 +45,7 @@ class StripReturns:
     velocity_mps: Float32Array
     rate_radps: Float32Array
     local_m: FloatArray
+    beam: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -57,11 +59,13 @@ class ThinnedReturns:
         t_s: (n,) times, in their order.
         sensor_m: (n, 3) float32 in the frame of the scanner.
         laser: (n,) group of the laser.
+        beam: (n,) number of the laser, the lowest first; empty where it is not known.
     """
 
     t_s: FloatArray
     sensor_m: Float32Array
     laser: NDArray[np.int64]
+    beam: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
 
     def posed(self, trajectory: Trajectory) -> StripReturns:
         """With the poses at their times; those without a pose are left out.
@@ -69,11 +73,13 @@ class ThinnedReturns:
         Args:
             trajectory: of the frame that carries the scanner.
         """
-        t_s, sensor_m, laser = self.t_s, self.sensor_m, self.laser
+        t_s, sensor_m = self.t_s, self.sensor_m
+        laser, beam = self.laser, self.beam
         knot, share, inside = trajectory.interval(t_s)
         if not inside.all():
             t_s, sensor_m, laser = t_s[inside], sensor_m[inside], laser[inside]
             knot, share = knot[inside], share[inside]
+            beam = beam[inside] if len(beam) else beam
         steps_s = np.diff(trajectory.t_s)[:, None]
         attitude = Rotation.from_quat(trajectory.quaternion[:-1], scalar_first=True) if len(steps_s) else None
         rate = attitude.apply(trajectory.turn_rad / steps_s) if attitude is not None else np.zeros((0, 3))
@@ -88,7 +94,7 @@ class ThinnedReturns:
             np.ascontiguousarray(np.diff(trajectory.xyz_m, axis=0) / steps_s),
             np.ascontiguousarray(rate),
         )
-        return StripReturns(t_s, sensor_m, laser, origin, rotation, velocity, turning, local)
+        return StripReturns(t_s, sensor_m, laser, origin, rotation, velocity, turning, local, beam)
 
 
 def thinned_returns(scans: Iterable[Scan], span_s: tuple[float, float]) -> ThinnedReturns:
@@ -109,7 +115,7 @@ def thinned_returns(scans: Iterable[Scan], span_s: tuple[float, float]) -> Thinn
     order = np.flatnonzero(np.einsum("ij,ij->i", sensor, sensor) > MIN_STRIP_RANGE_M**2)
     if (np.diff(t_s[order]) < 0.0).any():
         order = order[np.argsort(t_s[order], kind="stable")]
-    return ThinnedReturns(t_s[order], sensor[order], group[order])
+    return ThinnedReturns(t_s[order], sensor[order], group[order], laser[order])
 
 
 def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns:
@@ -124,7 +130,7 @@ def at_shifted_times(returns: StripReturns, trajectory: Trajectory, offset_s: fl
         trajectory: of the frame that carries it.
         offset_s: time by which the scanner's clock is behind.
     """
-    return ThinnedReturns(returns.t_s + offset_s, returns.sensor_m, returns.laser).posed(trajectory)
+    return ThinnedReturns(returns.t_s + offset_s, returns.sensor_m, returns.laser, returns.beam).posed(trajectory)
 
 
 @kernel()

@@ -16,7 +16,7 @@ from furrowmap.core.adjustment.strips import StripReturns
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.rotation import Mounting
 
-LOOKED_AT: Final = 20_000
+LEVELLED_RETURNS: Final = 20_000
 """Returns by which the height of the ground is looked at."""
 NEARLY_AS_LEVEL: Final = 1.5
 LEVEL_M: Final = 0.2
@@ -48,7 +48,7 @@ def turned_mountings(stated: Mounting) -> list[FloatArray]:
 
 def level_mountings(returns: StripReturns, rotations: Iterable[FloatArray], place_m: FloatArray) -> list[FloatArray]:
     """Those of rotations (3, 3) with which the ground is level and below the vehicle, the levelest first."""
-    step = max(1, len(returns) // LOOKED_AT)
+    step = max(1, len(returns) // LEVELLED_RETURNS)
     sensor_m = returns.sensor_m[::step].astype(np.float64)
     up = Rotation.from_quat(returns.rotation[::step].astype(np.float64), scalar_first=True).as_matrix()[:, 2]
     found: list[tuple[float, FloatArray]] = []

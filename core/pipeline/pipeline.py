@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.adjustment.boresight import MAX_DRAWN_DEG, Boresight, boresight_notices, held_against_strips
 from furrowmap.core.adjustment.height_creep import held_against_heights
+from furrowmap.core.adjustment.model_by_strips import LikelierModel, likelier_model
 from furrowmap.core.adjustment.strip_adjustment import (
     StripAdjustment,
     calibrate_flight,
@@ -174,7 +175,7 @@ def run(
     notices += [*placement_notices(placement), *field_notices, *state_notices, *work.notices]
     notices += further_notices(opened, further)
     if located.source == "imu" and matched is None:
-        notices += boresight_notices(flown.boresight, session.lidar.mounting)
+        notices += _boresight_notices(flown.boresight, session.lidar.mounting, located)
         notices += mounting_doubts
     found = _run_result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
     mountings = {lidar.name: one.found for lidar, one in zip(session.further_lidars, further, strict=True)}
@@ -368,8 +369,26 @@ def _calibrate(
         return _correct_clock(lidar, matched), located, matched, _FlightCalibration(), implement
     returns = survey.returns.posed(guess.trajectory if carrier is None else carrier)
     located, flown = _calibrate_flight(opened, guess, returns, carrier)
+    if (other := _likelier_model(opened, guess, returns, carrier, flown, survey.lidar)) is not None:
+        # Poses and mounting that fit the elevations of another model are not those of the flight.
+        located, flown = replace(guess, notices=(*guess.notices, other.notice)), _FlightCalibration(strips=flown.strips)
     located = _drop_unstated_accuracy(located, opened.session)
     return survey.lidar.ahead_by(-flown.clock_used_s), located, None, flown, survey.implement
+
+
+def _likelier_model(
+    opened: OpenSession,
+    guess: Located,
+    returns: StripReturns,
+    carrier: Trajectory | None,
+    flown: _FlightCalibration,
+    lidar: LidarRecording,
+) -> LikelierModel | None:
+    """The model of which the scanner likely is, rather than the one that it is read as."""
+    if flown.boresight is None or any(notice.code == CONTRADICTION for notice in guess.notices):
+        return None
+    stated = opened.session.lidar.mounting
+    return likelier_model(returns, guess.trajectory, stated, carrier, flown.boresight, lidar.beam_elevations())
 
 
 def _match(
@@ -493,6 +512,18 @@ def _adjusted_by_strips(guess: Located, adjusted: StripAdjustment) -> Located:
 
 def _contradicts(located: Located) -> bool:
     return any(notice.code == CONTRADICTION for notice in located.notices)
+
+
+def _boresight_notices(found: Boresight | None, stated: Mounting, located: Located) -> list[Notice]:
+    """Notices about the mounting, of which none blames it for what another cause explains."""
+    keys = {notice.key for notice in located.notices}
+    if "contradiction.model" in keys:
+        return []
+    notices = boresight_notices(found, stated)
+    if "contradiction.lever-arm" in keys:
+        # With another place of the IMU all places in the vehicle are off together.
+        return [notice for notice in notices if notice.code != "lever-arm-off"]
+    return notices
 
 
 def _held_against_mounting(

@@ -51,6 +51,8 @@ KNOTS_TRIED: Final = 1200
 _ALTERNATIVES: Final = (
     ("its angular rates were in degrees per second instead of radians", np.pi / 180.0, 1.0),
     ("its angular rates were in radians per second instead of degrees", 180.0 / np.pi, 1.0),
+    ("its angular rates were in degrees or radians per second instead of thousandths of them", 1000.0, 1.0),
+    ("its angular rates were in thousandths of degrees or radians per second instead of whole ones", 0.001, 1.0),
     ("its specific force were in g instead of m/s²", 1.0, 9.80665),
     ("its specific force were in m/s² instead of g", 1.0, 1.0 / 9.80665),
     ("its specific force had the other sign (an acceleration that points down at rest)", 1.0, -1.0),

@@ -355,6 +355,8 @@ def test_two_antennas_at_a_hover__show_the_heading_within_its_sigma() -> None:
     ("rate", "force", "words"),
     [
         (180.0 / np.pi, 1.0, "angular rates were in degrees per second instead of radians"),
+        (0.001, 1.0, "angular rates were in degrees or radians per second instead of thousandths"),
+        (1000.0, 1.0, "angular rates were in thousandths of degrees or radians per second"),
         (1.0, 1.0 / 9.80665, "specific force were in g instead"),
         (1.0, -1.0, "specific force had the other sign"),
         (np.array([1.0, 1.0, -1.0]), 1.0, "about the vehicle's z axis had the other sign"),
