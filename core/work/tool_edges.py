@@ -37,12 +37,8 @@ BESIDE_BINS: Final = 4
 EVEN_BINS: Final = 6
 CORRELATED_CELLS: Final = 10.0
 """Cells of a clod, or of a return's error, count as one."""
-MIN_CONTRAST: Final = 3.0
-"""Mean square of the change where the tool worked, over that beside it."""
 MIN_CHANGED_SHARE: Final = 0.4
 """Of the same, over every 0.3 m where the tool worked: wheels alone leave the ground between them as it was."""
-MIN_END_GAIN: Final = 15.0
-"""By how much −2 log likelihood falls at an end of the width."""
 AROUND_TRANSITION_S: Final = 3.0
 """Time around a transition in which the tool's line is followed."""
 ALONG_M: Final = 1.2
@@ -53,6 +49,24 @@ MIN_AHEAD_M: Final = 0.3
 """A tool leaves the soil, and enters it, over some decimetres."""
 MIN_OFF_M: Final = 0.13
 """Soil is thrown, and left lying, by as much beside a tool."""
+
+
+@dataclass(frozen=True)
+class Clear:
+    """How clearly an end must show.
+
+    Attributes:
+        contrast: mean square of the change where the tool worked, over that beside it, at least.
+        gain: by how much −2 log likelihood falls at an end, at least.
+    """
+
+    contrast: float
+    gain: float
+
+
+ACROSS: Final = Clear(3.0, 15.0)
+ALONG: Final = Clear(2.5, 6.0)
+"""Soil is thrown ahead of a begin; and begin and end must agree, as the width's ends need not."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +211,7 @@ class ToolEdges:
         begins, ends = np.split(sums[self.bins :], 2)
         left_m, right_m = (_end_m(side, self.half_m) for side in (across[middle:], across[:middle][::-1]))
         # Work that is shifted back begins earlier than stated, and ends earlier.
-        earlier_m, later_m = (_end_m(way[::-1], ALONG_M) - ALONG_M for way in (begins, ends))
+        earlier_m, later_m = (_end_m(way[::-1], ALONG_M, ALONG) - ALONG_M for way in (begins, ends))
         return ToolEnds(left_m, right_m, 0.5 * (later_m - earlier_m))
 
 
@@ -209,7 +223,7 @@ def _count(sums: FloatArray, at: FloatArray, change_m: FloatArray) -> None:
         sums[:, column] += np.bincount(number, power, minlength=len(sums))
 
 
-def _end_m(outward: FloatArray, half_m: float) -> float:
+def _end_m(outward: FloatArray, half_m: float, clear: Clear = ACROSS) -> float:
     """The end of the working width by sums (k, 3) from the middle of the line outward; nan where it is not shown.
 
     It is where the mean square of the change in the bins inside exceeds that in those beside most clearly, of places up
@@ -220,14 +234,14 @@ def _end_m(outward: FloatArray, half_m: float) -> float:
         return float("nan")
     known = int(np.argmax(np.append(count < MIN_BIN_CELLS, True)))
     number, mean_square = count[:known] / CORRELATED_CELLS, squares[:known] / count[:known]
-    best, best_gain = 0, MIN_END_GAIN
+    best, best_gain = 0, clear.gain
     for end in range(INSIDE_BINS, known - BESIDE_BINS + 1):
         inside, beside = slice(end - INSIDE_BINS, end), slice(end, end + BESIDE_BINS)
         worked = _mean(mean_square[:end], number[:end])
         smooth = np.convolve(mean_square[:end], np.full(EVEN_BINS, 1.0 / EVEN_BINS), "valid")
         if smooth.min() < MIN_CHANGED_SHARE * worked:
             break
-        if _mean(mean_square[inside], number[inside]) < MIN_CONTRAST * _mean(mean_square[beside], number[beside]):
+        if _mean(mean_square[inside], number[inside]) < clear.contrast * _mean(mean_square[beside], number[beside]):
             continue
         gain = _gain(mean_square, number, inside, beside)
         if gain > best_gain:
