@@ -251,7 +251,8 @@ def _end_m(outward: FloatArray, half_m: float, clear: Clear = ACROSS) -> float:
         return float("nan")
     if best * ACROSS_BIN_M - half_m > MIN_OFF_M and not _like_inside(total[:known] / count[:known], stated, best):
         return float("nan")
-    return best * ACROSS_BIN_M
+    # Cells on the end are in the last bin.
+    return (best - 0.5) * ACROSS_BIN_M
 
 
 def _mean(values: FloatArray, weight: FloatArray) -> float:
