@@ -39,10 +39,11 @@ COLLECTING: Final = {
     "app/workflows/record/series.py Series",
     "app/workflows/record/watch.py Watch",
     "core/readers/arrived_packets.py ArrivedPackets",
+    "core/readers/rosbag/topic_content.py TopicContent",
     "core/readers/arrived_positions.py ArrivedPositions",
     "exporters/exchange/partitions.py Partition",
 }
-READ_ONCE: Final = {"cli/worker.py _Order", "exporters/files/result_folder.py _Input"}
+READ_ONCE: Final = {"cli/worker.py _Order", "core/readers/geojson.py _Object", "exporters/files/result_folder.py _Input"}
 """Tables of msgspec that a function decodes and drops."""
 
 

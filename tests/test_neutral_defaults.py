@@ -22,6 +22,7 @@ EVERY_ONE: Final = {
     "core/adjustment/clock_offset.py _Trial.agreement(every)": 1,
     "core/values/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
     "core/values/plot_grid.py PlotGrid.block_size": 1,
+    "exporters/files/atomic.py atomic_output(durable)": True,  # a power cut loses no product
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
     "app/workflows/live/feeds.py Growing.read(size)": -1,
     "app/workflows/live/server.py BoundedHead.readline(size)": -1,

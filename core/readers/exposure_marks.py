@@ -18,10 +18,10 @@ MARKS_SUFFIX: Final = ".mrk"
 MAX_MARKS_BYTES: Final = 1 << 25
 FIXED_FROM: Final = 50
 _IMAGE: Final = re.compile(r".*?_(\d{1,5})(?:_[A-Za-z]\w*)*\.\w+", re.ASCII)
-_NUMBER: Final = r"(-?\d+(?:\.\d+)?)"
-_LINE: Final = re.compile(
-    rf"\s*(\d+)\s+{_NUMBER}\s+\[(\d+)\]\s+{_NUMBER},N\s+{_NUMBER},E\s+{_NUMBER},V"
-    rf"\s+{_NUMBER},Lat\s+{_NUMBER},Lon\s+{_NUMBER},Ellh(?:\s+{_NUMBER},\s*{_NUMBER},\s*{_NUMBER})?(?:\s+(\d+),Q)?",
+_DECIMAL: Final = r"(-?\d+(?:\.\d+)?)"
+_MARK_LINE: Final = re.compile(
+    rf"\s*(\d+)\s+{_DECIMAL}\s+\[(\d+)\]\s+{_DECIMAL},N\s+{_DECIMAL},E\s+{_DECIMAL},V"
+    rf"\s+{_DECIMAL},Lat\s+{_DECIMAL},Lon\s+{_DECIMAL},Ellh(?:\s+{_DECIMAL},\s*{_DECIMAL},\s*{_DECIMAL})?(?:\s+(\d+),Q)?",
     re.ASCII,
 )
 
@@ -78,7 +78,7 @@ def read_marks(path: Path) -> dict[int, ExposureMark]:
         return {}
     marks = {}
     for line in text.splitlines():
-        match = _LINE.match(line)
+        match = _MARK_LINE.match(line)
         if match is None:
             continue
         number, second, week, _, _, _, lat, lon, height, _, _, _, quality = match.groups()

@@ -144,7 +144,7 @@ _KINDS: Final = [
         is_text=True,
     ),
 ]
-LOOKED_AT: Final = 4096
+TEXT_HEAD_BYTES: Final = 4096
 """First bytes that tell text from binary data."""
 _TEXT_CONTROLS: Final = b"\t\n\v\f\r\x1a"
 _MOST_CONTROLS: Final = 0.02
@@ -154,16 +154,16 @@ BINARY: Final = "binary data"
 
 def file_kind(data: bytes) -> FileKind | None:
     """The format of a file that begins with `data`, of which 64 bytes suffice; None for one that is not known."""
-    head = data[:LOOKED_AT]
+    head = data[:TEXT_HEAD_BYTES]
     return next((kind for pattern, kind in _KINDS if pattern.match(head)), None)
 
 
 def binary_kind(data: bytes) -> str | None:
     """What content is that is no text, such as "a PNG picture" or "binary data"; None for text in any encoding.
 
-    It is told by the first :data:`LOOKED_AT` bytes.
+    It is told by the first :data:`TEXT_HEAD_BYTES` bytes.
     """
-    data = data[:LOOKED_AT]
+    data = data[:TEXT_HEAD_BYTES]
     controls = sum(byte < 32 and byte not in _TEXT_CONTROLS for byte in data)
     is_text = b"\0" not in data and controls <= _MOST_CONTROLS * len(data)
     named = file_kind(data)

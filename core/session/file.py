@@ -16,7 +16,7 @@ import msgspec
 from msgspec.inspect import is_struct_type
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.file_signatures import LOOKED_AT, binary_kind
+from furrowmap.core.runtime.file_signatures import TEXT_HEAD_BYTES, binary_kind
 from furrowmap.core.session.camera import camera_faults
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
 from furrowmap.core.values.machine import MachineImplement
@@ -158,7 +158,7 @@ def read_session_text(path: Path) -> str:
     """The text of a session file. Raises InputError if it cannot be read or is no text, of which little is read."""
     try:
         with path.open("rb") as file:
-            head = file.read(LOOKED_AT)
+            head = file.read(TEXT_HEAD_BYTES)
             content = head if binary_kind(head) else head + file.read()
     except IsADirectoryError:
         raise InputError("session-unreadable.load-session", path=path, path_scaled=path / "session.toml") from None
@@ -169,7 +169,7 @@ def read_session_text(path: Path) -> str:
 
 def session_text(content: bytes, name: object) -> str:
     """The text of a session from the bytes of its file; `name` is that of the file in errors. Raises InputError."""
-    kind = binary_kind(content[:LOOKED_AT])
+    kind = binary_kind(content[:TEXT_HEAD_BYTES])
     if kind is not None:
         raise InputError("session-unreadable", path=name, why=f"it is {kind}, not text")
     try:

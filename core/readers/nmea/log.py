@@ -26,7 +26,7 @@ from furrowmap.core.readers.nmea.sentences import (
     Kind,
     SentenceCounts,
     Sentences,
-    are_checked,
+    are_unchecked,
     read_sentences,
     scan_bytes,
 )
@@ -74,7 +74,7 @@ class NmeaLog(PositionLog):
         if b"$" not in head.data:
             return 0.0
         counts = SentenceCounts()
-        sentences, _ = scan_bytes(head.data, counts, checked=are_checked(head.data))
+        sentences, _ = scan_bytes(head.data, counts, unchecked=are_unchecked(head.data))
         share = counts.message_bytes / len(head.data)
         if len(sentences) and share >= MAX_OTHER_SHARE:
             return 0.9
@@ -103,11 +103,11 @@ class NmeaLog(PositionLog):
         counts = SentenceCounts()
         parts: list[Sentences] = []
         ends: list[int] = []
-        checked = are_checked(self._piece if self._piece is not None else look(paths[0]).data)
-        if not checked:
+        unchecked = are_unchecked(self._piece if self._piece is not None else look(paths[0]).data)
+        if unchecked:
             self.notices.append(Notice("sentences-unchecked", name=recording_name(paths)))
         for source in self._sources(paths):
-            parts += read_sentences(source, counts, checked=checked)
+            parts += read_sentences(source, counts, unchecked=unchecked)
             ends.append(counts.stream_bytes)
         return Sentences.joined(parts), counts, ends
 

@@ -123,26 +123,26 @@ class SentenceCounts(MessageCounts[str]):
     behind_cut: int = 0
 
 
-def are_checked(data: bytes) -> bool:
-    """Whether the sentences of a log that begins with `data` have checksums: False only if none has one."""
+def are_unchecked(data: bytes) -> bool:
+    """Whether the sentences of a log that begins with `data` have no checksums: not one of them."""
     strict = SentenceCounts()
     scan_bytes(data, strict)
     if strict.intact or strict.bad or not strict.cut:
-        return True
+        return False
     lenient = SentenceCounts()
-    found, _ = scan_bytes(data, lenient, checked=False)
-    return len(found) < LEAST_UNCHECKED
+    found, _ = scan_bytes(data, lenient, unchecked=True)
+    return len(found) >= LEAST_UNCHECKED
 
 
-def read_sentences(source: Source, counts: SentenceCounts, *, checked: bool = True) -> list[Sentences]:
+def read_sentences(source: Source, counts: SentenceCounts, *, unchecked: bool = False) -> list[Sentences]:
     """The sentences of a stream from its current position, piece by piece.
 
-    `counts` are updated; the length of streams before is added to :attr:`Sentences.at`. See :func:`are_checked`.
+    `counts` are updated; the length of streams before is added to :attr:`Sentences.at`. See :func:`are_unchecked`.
     """
     found = []
 
     def scan(piece: bytes, base: int, last: bool) -> int:
-        sentences, used = scan_bytes(piece, counts, base, last=last, checked=checked)
+        sentences, used = scan_bytes(piece, counts, base, last=last, unchecked=unchecked)
         found.append(sentences)
         counts.row_bytes += sentences.nbytes
         return used
@@ -152,12 +152,12 @@ def read_sentences(source: Source, counts: SentenceCounts, *, checked: bool = Tr
 
 
 def scan_bytes(
-    data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool = True, checked: bool = True
+    data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool = True, unchecked: bool = False
 ) -> tuple[Sentences, int]:
     """The sentences in `data`, and the number of bytes that are done with.
 
     `counts` are updated, but for `stream_bytes`. If the piece is not the last, an unfinished sentence at its end is
-    left for the next one. Unless they are `checked`, sentences without a checksum count as intact.
+    left for the next one. Where they are `unchecked`, sentences without a checksum count as intact.
     """
     room = min(data.count(b"$"), len(data) // _SHORTEST_BYTES + 1) + data.count(b"$PUBX,00,")
     kind = np.empty(room, np.int8)
@@ -166,7 +166,9 @@ def scan_bytes(
     values = np.full((room, COLUMNS), np.nan)
     address = np.zeros((room, 8), np.uint8)
     sums = np.zeros(4, np.int64)
-    rows, sentences, used = _scan(np.frombuffer(data, np.uint8), last, checked, kind, talker, at, values, address, sums)
+    rows, sentences, used = _scan(
+        np.frombuffer(data, np.uint8), last, unchecked, kind, talker, at, values, address, sums
+    )
     names, times = np.unique(address[:sentences].view("S8"), return_counts=True)
     counts.kinds.update({bytes(n).decode("ascii"): int(c) for n, c in zip(names, times, strict=True)})
     counts.bad += int(sums[_BAD])
@@ -215,7 +217,7 @@ _SMALL_A, _SMALL_F = np.int64(ord("a")), np.int64(ord("f"))
 
 @kernel()
 def _scan(
-    data: Any, last: Any, checked: Any, kind: Any, talker: Any, at: Any, values: Any, address: Any, counts: Any
+    data: Any, last: Any, unchecked: Any, kind: Any, talker: Any, at: Any, values: Any, address: Any, counts: Any
 ) -> tuple[np.int64, int, int | np.int64]:
     """Fill the arrays; number of rows of known kinds, of intact sentences, and of bytes done with."""
     size = len(data)
@@ -255,7 +257,7 @@ def _scan(
             stopped = end >= size or data[end] < 32 or data[end] > 126 or data[end] == _DOLLAR
         else:
             stopped = True
-        if not checked and _line_end(data, end) > 0 and _is_address(data, i + 1, end):
+        if unchecked and _line_end(data, end) > 0 and _is_address(data, i + 1, end):
             counts[_BYTES] += end - i + _line_end(data, end)
             _take_address(data, i + 1, end, address[sentences])
             sentences += 1

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_track
 from furrowmap.core.readers.nmea.log import assemble
-from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, are_checked, scan_bytes
+from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, are_unchecked, scan_bytes
 from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, decompress_message
 from furrowmap.core.readers.velodyne.captures import PACKET_BYTES
@@ -373,7 +373,7 @@ class SentenceLog:
 
     def _sentences(self) -> Sentences:
         data = b"".join(self._lines)
-        return scan_bytes(data, SentenceCounts(), checked=are_checked(data))[0]
+        return scan_bytes(data, SentenceCounts(), unchecked=are_unchecked(data))[0]
 
     def _message(self, at: NDArray[np.int64]) -> NDArray[np.intp]:
         """Index of the message with each byte (n,) of the stream."""
