@@ -43,7 +43,11 @@ COLLECTING: Final = {
     "core/readers/arrived_positions.py ArrivedPositions",
     "exporters/exchange/partitions.py Partition",
 }
-READ_ONCE: Final = {"cli/worker.py _Order", "core/readers/geojson.py _Object", "exporters/files/result_folder.py _Input"}
+READ_ONCE: Final = {
+    "cli/worker.py _Order",
+    "core/readers/geojson.py _Object",
+    "exporters/files/result_folder.py _Input",
+}
 """Tables of msgspec that a function decodes and drops."""
 
 

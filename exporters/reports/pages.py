@@ -40,7 +40,7 @@ BROWSERS: Final = (
     "C:/Program Files/Google/Chrome/Application/chrome.exe",
 )
 MAX_PRINT_S: Final = 120.0
-_OFFLINE: Final = (
+_ASKS_NO_SERVER: Final = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
@@ -74,7 +74,7 @@ def write_pdf(path: Path, page: str) -> None:
         with writing_scratch():
             source.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
         arguments = [
-            program, "--headless", *confined, *_OFFLINE, "--disable-gpu", "--no-first-run",
+            program, "--headless", *confined, *_ASKS_NO_SERVER, "--disable-gpu", "--no-first-run",
             f"--user-data-dir={Path(folder, 'profile')}", "--no-pdf-header-footer", f"--print-to-pdf={printed}",
             source.as_uri(),
         ]  # fmt: skip
