@@ -45,6 +45,9 @@ AT_TOP = {
     "imu-shaken": "unit",
     "lever-arm-off": "scanner",
     "scanner-clock-off": "clock",
+    "gnss-frozen": "positions",
+    "gnss-heights": "positions",
+    "model-differs": "model",
     "camera-times-off": "camera",
     "camera-mounting-off": "camera",
     "camera-tension": "camera",
@@ -169,7 +172,7 @@ def _cloud(
     true: FloatArray,
     stated: FloatArray,
 ) -> tuple[float, float]:
-    """RMS of the error of the ground's points, all axes together, and the sigma that poses and mounting state."""
+    """RMS of the error of the ground's points, all axes together, and the sigma of poses, mounting and place."""
     mounted = tomllib.loads((truth / "mounting_truth.toml").read_text(encoding="utf-8"))["lidar"]
     session = report["session"]["lidar"]
     used = lidar["rpy_deg"] if lidar["used"] else session["rpy_deg"]
@@ -184,7 +187,10 @@ def _cloud(
         [np.mean(BELOW_M[:, [1, 2]] ** 2) * 2, np.mean(BELOW_M[:, [0, 2]] ** 2) * 2, np.mean(BELOW_M[:, :2] ** 2) * 2]
     )
     angles = np.radians(np.hypot(stated[:, 3:], lidar["sigma_deg"]))
-    return rms(off_m.ravel()), rms(np.sqrt((stated[:, :3] ** 2).sum(axis=1) + ((angles * arms) ** 2).sum(axis=1)))
+    # What the flight itself shows of the scanner's place: nobody has confirmed the stated one.
+    place_m = np.array(lidar["together"]["sigma"][4:])
+    own_m2 = (np.hypot(stated[:, :3], place_m) ** 2).sum(axis=1)
+    return rms(off_m.ravel()), rms(np.sqrt(own_m2 + ((angles * arms) ** 2).sum(axis=1)))
 
 
 def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_images: bool) -> Path:
