@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from furrowmap.core.runtime.file_names import found_beside
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.trajectory import ScanPoses
 
@@ -46,7 +47,8 @@ def live_difference(folder: Path, crs: str, poses: ScanPoses, run_m2: float | No
         run_m2: ground worked by the run; None if that is unknown.
     """
     try:
-        head, *lines = (folder / LIVE_LOG).read_text("utf-8").splitlines()
+        (log,) = found_beside(folder, LIVE_LOG)
+        head, *lines = log.read_text("utf-8").splitlines()
         if json.loads(head)["crs"] != crs:
             return None
     except (OSError, ValueError, KeyError, TypeError):

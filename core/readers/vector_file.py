@@ -188,6 +188,8 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     archive unpacks to far more than its size.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise unreadable("it is no file")
         with path.open("rb") as file:
             head = file.read(4096)
         size = path.stat().st_size

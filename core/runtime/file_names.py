@@ -62,6 +62,11 @@ def leads_out(path: Path, folder: Path) -> bool:
         return True
 
 
+def found_beside(folder: Path, pattern: str = "*") -> list[Path]:
+    """The files of a folder that nobody named, by name: no pipe or device, and no link that leads out of it."""
+    return [path for path in sorted(folder.glob(pattern)) if path.is_file() and not leads_out(path, folder)]
+
+
 def inside(folder: Path, name: str, source: Path) -> Path:
     """The path of a file in `folder` whose name was read from `source`.
 

@@ -24,6 +24,8 @@ ELLIPSOIDAL: Final = "ellipsoidal"
 Vector3 = tuple[float, float, float]
 ORIGIN: Final[Vector3] = (0.0, 0.0, 0.0)
 _Positive = Annotated[float, Meta(gt=0.0)]
+_OffsetS = Annotated[float, Meta(ge=-4e9, le=4e9)]
+"""Between two clocks, one of which may begin in 1904, or be a century wrong; times keep a microsecond."""
 
 
 class TomlTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -36,7 +38,7 @@ class Recording(TomlTable, frozen=True):
     lidar: tuple[str, ...] = ()
     gnss: tuple[str, ...] = ()
     gnss_topic: str | None = None
-    lidar_minus_gnss_s: float = 0.0
+    lidar_minus_gnss_s: _OffsetS = 0.0
     date: str | None = None
     task: str | None = None
     begin: Annotated[dt.datetime, Meta(tz=True)] | None = msgspec.field(default=None, name="from")
@@ -75,7 +77,7 @@ class Lidar(TomlTable, frozen=True):
     name: str = ""
     files: tuple[str, ...] = ()
     source: str | None = None
-    minus_gnss_s: float | None = None
+    minus_gnss_s: _OffsetS | None = None
     xyz_m: Vector3 | None = None
     rpy_deg: Vector3 | None = None
     rpy_walk_deg_rts: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
@@ -103,7 +105,7 @@ class Implement(TomlTable, frozen=True):
     learned: str | None = None
     states: tuple[str, ...] = ()
     states_use: Literal["replace", "check"] = REPLACE
-    states_minus_gnss_s: float = 0.0
+    states_minus_gnss_s: _OffsetS = 0.0
     name: str = ""
     moves_soil: bool = False
 
@@ -154,7 +156,7 @@ class Imu(TomlTable, frozen=True, rename={"kind": "class"}):
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
     kind: str = "industrial"
     noise: ImuNoise = ImuNoise()
-    minus_gnss_s: float = 0.0
+    minus_gnss_s: _OffsetS = 0.0
     columns: dict[str, ImuColumn] = {}  # msgspec copies an empty default
     on_wheels: bool = False
     heading: Literal["motion", "attitude", "antennas"] = "motion"
@@ -204,8 +206,8 @@ class CameraSource(TomlTable, frozen=True):
     params: tuple[float, ...] = ()
     xyz_m: Vector3 = (0.0, 0.0, 0.0)
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
-    shutter_delay_s: float = 0.0
-    minus_gnss_s: float = 0.0
+    shutter_delay_s: _OffsetS = 0.0
+    minus_gnss_s: _OffsetS = 0.0
     aid: bool = True
     control_points: str | None = None
     control_pixels: str | None = None

@@ -59,6 +59,9 @@ def _implement(arrays: dict[str, Any]) -> SeenImplement:
     shapes = (arrays["odds"].shape, arrays["columns"].shape, arrays["still_m"].shape[1:])
     if shapes != ((grid.columns, grid.rows), (IMAGE_COLUMNS,), (IMAGE_COLUMNS,)):
         raise ValueError("its arrays do not fit each other")
+    seen_images = [arrays[name].shape for name in ("up_m", "down_m", "own")]
+    if len(set(seen_images)) > 1 or seen_images[0][1:] != arrays["azimuth_deg"].shape:
+        raise ValueError("its images do not fit each other")
     a, b, c = arrays["ground"].tolist()
     x0, x1, y0, y1 = arrays["box_m"].tolist()
     seen, still_m = arrays["columns"].astype(bool), arrays["still_m"].astype(np.float32)

@@ -47,7 +47,8 @@ def range_images(seen: SeenImplement) -> Iterator[tuple[str, Markup]]:
         ("The implement in the ground", images.down_m, images.azimuth_deg, images.implement),
         ("Static returns: the vehicle itself, all around", still_m, around_deg, None),
     ):
-        yield text, range_image(range_m, azimuth_deg, shown, text)
+        if range_m.size:  # an implement that was learned elsewhere may have none
+            yield text, range_image(range_m, azimuth_deg, shown, text)
 
 
 def range_image(

@@ -68,6 +68,8 @@ def is_task_data(path: Path) -> bool:
     """Whether a folder or archive has a TASKDATA.XML, or a file is one."""
     if path.is_dir():
         return bool(_mains(_folder_names(path)))
+    if not path.is_file():  # of a device zipfile would look for the end
+        return False
     if path.name.upper() == MAIN:
         return True
     try:

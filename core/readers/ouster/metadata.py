@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.file_names import found_beside
 from furrowmap.core.values.scan import MAX_LASERS, Clock
 
 LEGACY: Final = "LEGACY"
@@ -295,7 +296,9 @@ def _whole(value: Any) -> int:
 def metadata_beside(path: Path) -> tuple[list[Metadata], list[str]]:
     """The metadata in the folder of a recording, those with its name first; and what is wrong with others."""
     stem = path.name.partition(".pcap")[0].casefold()
-    texts = sorted(path.parent.glob("*.json"), key=lambda other: (-_alike(other.stem.casefold(), stem), other.name))
+    texts = sorted(
+        found_beside(path.parent, "*.json"), key=lambda other: (-_alike(other.stem.casefold(), stem), other.name)
+    )
     found, faults = [], []
     for other in texts[:_MAX_FILES]:
         try:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.file_names import found_beside
 
 _LARGEST_BYTES: Final = 1 << 16
 _APART_DEG: Final = 1.0
@@ -60,7 +61,7 @@ class AngleTable:
         InputError if there are several, or it is damaged.
         """
         folder = paths[0] if paths[0].is_dir() else paths[0].parent
-        found = [table for path in sorted(folder.glob("*.[cC][sS][vV]")) if (table := cls.parsed(path)) is not None]
+        found = [table for path in found_beside(folder, "*.[cC][sS][vV]") if (table := cls.parsed(path)) is not None]
         own = [table for table in found if table.path.stem == paths[0].stem]
         if len(own or found) > 1:
             names = ", ".join(table.path.name for table in found)

@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import furrowmap
 from furrowmap import InputError
 from furrowmap.cli.main import attempt
+from furrowmap.core.pipeline.live_difference import LIVE_LOG, live_difference
+from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.spinning.model import AngleTable
 from furrowmap.core.readers.text_table import read_sheet, read_table
+from furrowmap.core.runtime.file_names import found_beside
+from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.values.session import EXAMPLES
+from furrowmap.core.work.saved import load_implement, save_implement
 from tests.core.readers.test_nmea import gga, write
+from tests.core.work.test_tool_history import TILLER
+from tests.exporters.farm.result_folders import field
 
 SESSION = """furrowmap = 1
 [recording]
@@ -97,3 +108,58 @@ def test_a_batch__names_a_session_that_is_no_text(content: bytes, boundaries: bo
     (row,) = found.sessions
     assert row.outcome.failure is not None
     assert row.outcome.failure.code == "session-unreadable"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+def test_files_that_nobody_named__are_files_of_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "other.csv").write_text("channel,elevation,azimuth\n")
+    folder = tmp_path / "session"
+    folder.mkdir()
+    os.mkfifo(folder / "pipe.csv")
+    (folder / "device.csv").symlink_to("/dev/zero")
+    (folder / "link.csv").symlink_to(tmp_path / "other.csv")
+    (folder / "own.csv").write_text("a,b\n")
+    assert found_beside(folder, "*.csv") == [folder / "own.csv"]
+    assert AngleTable.beside([folder / "recording.pcap"]) is None
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+@pytest.mark.parametrize("linked", [False, True])
+def test_what_live_showed__is_not_read_through_a_link_or_a_pipe(linked: bool, tmp_path: Path) -> None:
+    (tmp_path / "session").mkdir()
+    log = tmp_path / "session" / LIVE_LOG
+    if linked:
+        (tmp_path / "other").write_text('{"crs": "EPSG:6677"}\n{"t_s": 0, "e_m": 0}\n')
+        log.symlink_to(tmp_path / "other")
+    else:
+        os.mkfifo(log)
+    assert live_difference(log.parent, "EPSG:6677", field()[0], None) is None
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+@pytest.mark.parametrize("device", ["/dev/zero", None])
+def test_a_boundary__that_is_a_device_or_a_pipe_is_refused(device: str | None, tmp_path: Path) -> None:
+    path = tmp_path / "boundary.geojson"
+    path.symlink_to(device) if device else os.mkfifo(path)
+    with pytest.raises(InputError, match="it is no file"):
+        read_fields(path)
+
+
+@pytest.mark.parametrize("key", [key for key in EXAMPLES if key.endswith(("minus_gnss_s", "delay_s"))])
+@pytest.mark.parametrize("offset_s", [1e15, -1e300])
+def test_an_offset__that_no_clocks_have_is_refused(key: str, offset_s: float) -> None:
+    table, _, name = key.partition(".")
+    needed = {"imu": 'files = ["imu.csv"]\n', "implement": "width_m = 1.7\nxy_m = [0.0, 0.0]\n"}.get(table, "")
+    text = f"""furrowmap = 1\n[crs]\nmap = "EPSG:6677"\n[{table}]\n{needed}{name} = {offset_s}\n"""
+    with pytest.raises(InputError) as refused:
+        parse_session(text if table == "recording" else text + '[recording]\ngnss = ["gnss.nmea"]\n')
+    assert name in refused.value.what
+    assert "4000000000" in refused.value.what
+
+
+def test_a_learned_implement__whose_images_do_not_fit_is_refused(tmp_path: Path) -> None:
+    images = replace(TILLER.images, azimuth_deg=np.zeros(3))
+    save_implement(tmp_path / "implement.npz", replace(TILLER, images=images))
+    with pytest.raises(InputError) as refused:
+        load_implement(tmp_path / "implement.npz")
+    assert refused.value.code == "implement-unreadable"
