@@ -221,7 +221,8 @@ def judged_work(
     Args:
         sigma_m: of the places of the vehicle.
     """
-    figures, found = report["figures"], {}
+    figures = report["figures"]
+    found = {}
     true = shapely.union_all(pyogrio.read_dataframe(recording / "truth" / "worked.gpkg", layer="coverage").geometry)
     if figures.get("worked_area_m2") and "coverage" in pyogrio.list_layers(field)[:, 0] and true.length:
         ours = shapely.union_all(pyogrio.read_dataframe(field, layer="coverage").geometry)
@@ -343,7 +344,8 @@ def part_of_ground(keys: dict[str, Any], folder: Path, middle_m: FloatArray) -> 
 def _rewrite_product(capture: Path, to: Path, product: int) -> None:
     """A Velodyne's capture whose data packets state another product."""
     data = bytearray(capture.read_bytes())
-    at, packet = 24, 42 + 1206
+    at = 24
+    packet = 42 + 1206
     while at < len(data):
         length = int.from_bytes(data[at + 8 : at + 12], "little")
         at += 16 + length

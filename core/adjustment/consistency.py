@@ -217,7 +217,8 @@ def contradiction_notice(seen: Seen) -> Notice | None:
         return None
     shown = []
     if seen.ground.model is not None:
-        other, plane = seen.ground.model, seen.ground.model.ground
+        other = seen.ground.model
+        plane = seen.ground.model.ground
         shown.append(
             f"with the elevations of a {other.read_as} the ground is tilted by {plane.tilt_deg:.0f}° in the vehicle "
             f"frame and {plane.above_m:+.2f} m above its origin, with those of a {other.name} it is level and in place"

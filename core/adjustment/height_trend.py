@@ -43,7 +43,8 @@ def height_trend(
         own: the same of the errors' own law.
         t_s: (n,) the times.
     """
-    (normal, right), (law, law_right) = others, own
+    normal, right = others
+    law, law_right = own
     ramp = np.zeros((len(t_s), 3))
     ramp[:, 2] = t_s - t_s.mean()
     along = ramp.ravel()

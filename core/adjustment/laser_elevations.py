@@ -91,7 +91,8 @@ def other_model(
     chosen = chosen[:: max(1, len(chosen) // MOST_RETURNS)]
     if len(names) < 2 or len(chosen) < LEAST_RETURNS or laser.max() >= len(elevations_deg[names[0]]):
         return None
-    places, laser = places[chosen], laser[chosen]
+    places = places[chosen]
+    laser = laser[chosen]
     in_use = elevations_deg[names[0]]
     ground = ground_plane(places, mounting)
     if ground is None:
@@ -123,13 +124,15 @@ def ground_plane(places_m: FloatArray, mounting: Mounting) -> GroundPlane | None
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-9)[:, None]
     away_m = np.einsum("ij,ij->i", normals, corners[:, 0])
     # The scanner, at the origin, is above the ground: the normal points to it.
-    normals, away_m = normals * -np.sign(away_m)[:, None], -np.abs(away_m)
+    normals = normals * -np.sign(away_m)[:, None]
+    away_m = -np.abs(away_m)
     up = mounting.rotation[2]
     count = (np.abs(places_m @ normals.T - away_m) < ON_GROUND_PLANE_M).sum(axis=0)
     count[normals @ up < np.cos(np.pi / 4.0)] = 0
     if not count.any():
         return None
-    normal, off_m = normals[np.argmax(count)], float(away_m[np.argmax(count)])
+    normal = normals[np.argmax(count)]
+    off_m = float(away_m[np.argmax(count)])
     for _ in range(REFINED):
         normal, off_m = _fitted(places_m[np.abs(places_m @ normal - off_m) < ON_GROUND_PLANE_M], normal)
     share = float(np.mean(np.abs(places_m @ normal - off_m) < ON_GROUND_PLANE_M))

@@ -73,8 +73,10 @@ class ThinnedReturns:
         Args:
             trajectory: of the frame that carries the scanner.
         """
-        t_s, sensor_m = self.t_s, self.sensor_m
-        laser, beam = self.laser, self.beam
+        t_s = self.t_s
+        sensor_m = self.sensor_m
+        laser = self.laser
+        beam = self.beam
         knot, share, inside = trajectory.interval(t_s)
         if not inside.all():
             t_s, sensor_m, laser = t_s[inside], sensor_m[inside], laser[inside]

@@ -85,13 +85,15 @@ def parcels_elsewhere(
     """
     if len(parcels) < MIN_SHIFTED_PARCELS or not np.isfinite(height_m).any():
         return None
-    known, filled = np.isfinite(height_m), _filled(height_m)
+    known = np.isfinite(height_m)
+    filled = _filled(height_m)
     stated = np.nan_to_num(_contrasts(np.where(known, filled, np.nan), grid, parcels, (0.0, 0.0)))
     # Crop that stands where it is stated to stand may have a taller neighbour.
     stands = float(stated.mean()) > SHIFT_SIGMAS * float(stated.std(ddof=1)) / np.sqrt(len(stated))
     found: list[tuple[float, ParcelShift]] = []
     for mirrored in ((True, False), (False, True), (True, True), *(() if stands else ((False, False),))):
-        turned, reach_m = _mirrored(parcels, mirrored), MAX_PARCEL_SHIFT_M if any(mirrored) else FAR_SHIFT_M
+        turned = _mirrored(parcels, mirrored)
+        reach_m = MAX_PARCEL_SHIFT_M if any(mirrored) else FAR_SHIFT_M
         by_m = _best_shift(filled, grid, turned, reach_m)
         moved = _contrasts(np.where(known, filled, np.nan), grid, turned, by_m)
         seen = np.isfinite(moved)

@@ -70,5 +70,6 @@ def _differences(treatment: NDArray[np.str_], height_m: FloatArray) -> tuple[flo
         return 0.0, 0.0
     own = height_m[known]
     mean = np.bincount(index, own) / np.bincount(index)
-    squares, whole = float(((own - mean[index]) ** 2).sum()), float(((own - own.mean()) ** 2).sum())
+    squares = float(((own - mean[index]) ** 2).sum())
+    whole = float(((own - own.mean()) ** 2).sum())
     return float(np.sqrt(squares / freedom)), 1.0 - squares / max(whole, 1e-12)

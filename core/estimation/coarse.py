@@ -62,7 +62,8 @@ class CoarseKnots:
 
     def centres(self, knots: Knots, state: State) -> FloatArray:
         """(count, 3) where the vehicle is at each coarse knot; a twist turns about that point."""
-        out, times_s = [], self.times_s(knots)
+        out = []
+        times_s = self.times_s(knots)
         for chain, grid in zip(knots.chains, self.grids, strict=True):
             part = slice(chain.first, chain.first + chain.count)
             t = times_s[grid.first : grid.first + _intervals(chain, grid.every) + 1]

@@ -371,7 +371,8 @@ def _calibrate(
     located, flown = _calibrate_flight(opened, guess, returns, carrier)
     if (other := _likelier_model(opened, guess, returns, carrier, flown, survey.lidar)) is not None:
         # Poses and mounting that fit the elevations of another model are not those of the flight.
-        located, flown = replace(guess, notices=(*guess.notices, other.notice)), _FlightCalibration(strips=flown.strips)
+        located = replace(guess, notices=(*guess.notices, other.notice))
+        flown = _FlightCalibration(strips=flown.strips)
     located = _drop_unstated_accuracy(located, opened.session)
     return survey.lidar.ahead_by(-flown.clock_used_s), located, None, flown, survey.implement
 

@@ -93,7 +93,9 @@ class ArrivedPackets:
             self._is_cut = False
             self._begin_anew()
         self._added = (0, 0)
-        blocks, packets, size = list[bytes](), list[Packet](), 0
+        blocks = list[bytes]()
+        packets = list[Packet]()
+        size = 0
         for _ in range(len(self._waiting)):
             block, inside = self._waiting.popleft()
             packets += [(size + at, length, arrived_ns) for at, length, arrived_ns in inside]

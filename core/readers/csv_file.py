@@ -100,7 +100,8 @@ class CsvFile(Source):
         """
         self.require(schema, missing_key)
         found = [self.find(column.names) for column in schema]
-        parts, row_bytes = [np.empty((0, len(schema)))], 0
+        parts = [np.empty((0, len(schema)))]
+        row_bytes = 0
         for piece in self.pieces(schema):
             parts.append(piece)
             row_bytes += piece.nbytes

@@ -125,7 +125,8 @@ def _is_shp(path: Path) -> bool:
 
 def _copied_shapefile(path: Path, folder: Path) -> Path:
     """The Shapefile in a folder of its own; its other files are links to no other folder."""
-    stem, folder_of_file = path.stem.casefold(), path.absolute().parent
+    stem = path.stem.casefold()
+    folder_of_file = path.absolute().parent
     beside = [other for other in folder_of_file.iterdir() if other.stem.casefold() == stem]
     for part in [path, *beside]:
         end = part.suffix.lower() if part != path else _SHAPEFILE_PARTS[0]

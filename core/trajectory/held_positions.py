@@ -147,7 +147,8 @@ def held_heights(height_m: FloatArray, en_m: FloatArray) -> NDArray[np.bool_]:
     Args:
         en_m: (n, 2) easting and northing.
     """
-    n, many = len(height_m), HELD_POSITIONS
+    n = len(height_m)
+    many = HELD_POSITIONS
     held = np.zeros(n, np.bool_)
     if n < many:
         return held

@@ -85,7 +85,8 @@ class ToolEnds:
 
     def notices(self, implement: Implement) -> tuple[Notice, ...]:
         """That the tool is elsewhere, or wider or narrower; none where the soil does not show that."""
-        half_m, told = 0.5 * implement.width_m, []
+        half_m = 0.5 * implement.width_m
+        told = []
         off_m = np.array([self.left_m, self.right_m]) - half_m
         if (np.abs(off_m) > MIN_OFF_M).any():
             left_m, right_m = (None if np.isnan(end_m) else float(end_m) for end_m in (self.left_m, self.right_m))
@@ -131,7 +132,8 @@ class ToolEdges:
     """Sums up changes of the ground across and along the tool's way; tiles may come from several threads."""
 
     def __init__(self, passes: Sequence[Passages], half_m: float, transitions: Sequence[Transition] = ()) -> None:
-        self.half_m, self._passes = half_m, passes
+        self.half_m = half_m
+        self._passes = passes
         self._transitions = [(one, Passages([one.track])) for one in transitions]
         self.bins = 2 * round((half_m + SEARCHED_BESIDE_M) / ACROSS_BIN_M)
         self.along_bins = 2 * round(ALONG_M / ACROSS_BIN_M)
@@ -207,7 +209,8 @@ class ToolEdges:
 
     def ends(self, sums: FloatArray) -> ToolEnds:
         """Where the soil changes, by the sums of all tiles."""
-        across, middle = sums[: self.bins], self.bins // 2
+        across = sums[: self.bins]
+        middle = self.bins // 2
         begins, ends = np.split(sums[self.bins :], 2)
         left_m, right_m = (_end_m(side, self.half_m) for side in (across[middle:], across[:middle][::-1]))
         # Work that is shifted back begins earlier than stated, and ends earlier.
@@ -218,7 +221,8 @@ class ToolEdges:
 def _count(sums: FloatArray, at: FloatArray, change_m: FloatArray) -> None:
     """Add changes (m,) to the sums (bins, 3) of their bins (m,), which may lie outside."""
     inside = (at >= 0) & (at < len(sums))
-    number, values = at[inside].astype(np.intp), change_m[inside]
+    number = at[inside].astype(np.intp)
+    values = change_m[inside]
     for column, power in enumerate((np.ones(len(values)), values, values**2)):
         sums[:, column] += np.bincount(number, power, minlength=len(sums))
 
@@ -233,10 +237,13 @@ def _end_m(outward: FloatArray, half_m: float, clear: Clear = ACROSS) -> float:
     if (count[: INSIDE_BINS + BESIDE_BINS] < MIN_BIN_CELLS).any():
         return float("nan")
     known = int(np.argmax(np.append(count < MIN_BIN_CELLS, True)))
-    number, mean_square = count[:known] / CORRELATED_CELLS, squares[:known] / count[:known]
-    best, best_gain = 0, clear.gain
+    number = count[:known] / CORRELATED_CELLS
+    mean_square = squares[:known] / count[:known]
+    best = 0
+    best_gain = clear.gain
     for end in range(INSIDE_BINS, known - BESIDE_BINS + 1):
-        inside, beside = slice(end - INSIDE_BINS, end), slice(end, end + BESIDE_BINS)
+        inside = slice(end - INSIDE_BINS, end)
+        beside = slice(end, end + BESIDE_BINS)
         worked = _mean(mean_square[:end], number[:end])
         smooth = np.convolve(mean_square[:end], np.full(EVEN_BINS, 1.0 / EVEN_BINS), "valid")
         if smooth.min() < MIN_CHANGED_SHARE * worked:
@@ -245,7 +252,8 @@ def _end_m(outward: FloatArray, half_m: float, clear: Clear = ACROSS) -> float:
             continue
         gain = _gain(mean_square, number, inside, beside)
         if gain > best_gain:
-            best, best_gain = end, gain
+            best = end
+            best_gain = gain
     stated = round(half_m / ACROSS_BIN_M)
     if not best:
         return float("nan")
@@ -268,7 +276,8 @@ def _gain(mean_square: FloatArray, number: FloatArray, inside: slice, beside: sl
 
 def _like_inside(mean_m: FloatArray, stated: int, end: int) -> bool:
     """Whether ground beyond the stated end changed as that inside: wheels outside of the tool leave ruts."""
-    usual_m, extra_m = float(np.median(mean_m[:stated])), float(np.median(mean_m[stated:end]))
+    usual_m = float(np.median(mean_m[:stated]))
+    extra_m = float(np.median(mean_m[stated:end]))
     return usual_m * extra_m > 0.0 and abs(extra_m) > 0.5 * abs(usual_m)
 
 

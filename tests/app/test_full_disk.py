@@ -160,7 +160,8 @@ def test_promise_19__folder_of_temporary_files_that_is_full_or_none(
     name: str, kind: str, made: dict[str, Path], disk: Path, tmp_path: Path, program: Mortal
 ) -> None:
     """It is not needed, another is found, or it is named."""
-    runs, temporary = Runs(CASES[name], made, tmp_path / "out", program), disk / "temporary"
+    runs = Runs(CASES[name], made, tmp_path / "out", program)
+    temporary = disk / "temporary"
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.unlink(missing_ok=True)
     if kind == "a file":

@@ -243,7 +243,8 @@ def send_packets(sender: socket.socket, port: int) -> None:
 
 @pytest.fixture(scope="module")
 def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Servers]:
-    made, folder = Servers(), tmp_path_factory.mktemp("programs")
+    made = Servers()
+    folder = tmp_path_factory.mktemp("programs")
     for name in ("page", "nmea", "scheduler"):
         made.free(name)
     made.free("scanner", socket.SOCK_DGRAM)
@@ -268,7 +269,8 @@ def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Servers]:
 @pytest.fixture(scope="module")
 def seen(servers: Servers, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Sample, Seen]]]:
     """What was seen of each sample."""
-    folder, scratch = tmp_path_factory.mktemp("work"), tmp_path_factory.mktemp("watched")
+    folder = tmp_path_factory.mktemp("work")
+    scratch = tmp_path_factory.mktemp("watched")
     material(folder)
     mark = scratch / "imported"
     hostile_modules(folder, mark)

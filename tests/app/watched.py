@@ -181,7 +181,8 @@ def _add_calls(seen: Seen, lines: Sequence[str]) -> None:
     bound: list[tuple[str, str, tuple[str, int]]] = []
     for line in lines:
         if found := CALL.match(line):
-            place, port = ADDRESS.search(found[4]), PORT.search(found[4])
+            place = ADDRESS.search(found[4])
+            port = PORT.search(found[4])
             if place and port and found[2] == "bind":
                 bound.append((found[1], found[3], (place[1], int(port[1]))))
             elif place and port:

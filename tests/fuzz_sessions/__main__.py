@@ -37,7 +37,8 @@ def main() -> int:
     folder = Path(tempfile.mkdtemp(prefix="furrowmap-sessions-", dir=asked.folder))
     stock = stock_of(folder)
     load()
-    total, begun_s = Tally(), time.monotonic()
+    total = Tally()
+    begun_s = time.monotonic()
     print(f"seed {asked.seed}, {folder}", flush=True)
     for tally in run(stock, asked.seed, numbers, folder):
         before = total.sessions

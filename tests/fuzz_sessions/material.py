@@ -271,7 +271,8 @@ Made = Iterator[tuple[str, Files, tuple[str, ...]]]
 
 def _positions(track: GnssTrack) -> Made:
     """The drive by other receivers, and short logs of others."""
-    rows, packets = [], []
+    rows = []
+    packets = []
     for k, t_s in enumerate(track.t_s):
         at = np.datetime64(round(1000 * float(t_s)), "ms").item()
         rows.append(
@@ -338,7 +339,8 @@ def _inertial() -> Made:
 def _vectors(folder: Path, track: GnssTrack) -> Made:
     """Polygons around the drive, in each format."""
     keys = ("field.boundary", "field.within", "parcels.file")
-    x, y = float(track.lon_deg.mean()), float(track.lat_deg.mean())
+    x = float(track.lon_deg.mean())
+    y = float(track.lat_deg.mean())
     square = shapely.box(x - 5e-5, y - 5e-5, x + 5e-5, y + 5e-5)
     table = geopandas.GeoDataFrame({"id": [7], "block": ["A"]}, geometry=[square], crs=4326)
     kinds = {"gpkg": "GPKG", "fgb": "FlatGeobuf", "kml": "LIBKML", "shp": "ESRI Shapefile"}
@@ -367,7 +369,8 @@ def _tables(folder: Path, track: GnssTrack) -> Made:
     )
     doses = "id;2017-03-16;2017-04-20;variety\n7;50;25.5;Benchmark\n"
     yield "treatments.csv", {"treatments.csv": doses.encode()}, ("parcels.treatments",)
-    book, out = openpyxl.Workbook(), io.BytesIO()
+    book = openpyxl.Workbook()
+    out = io.BytesIO()
     for row in (["id", "2017-03-16", "variety"], [7, 50, "Benchmark"]):
         book.active.append(row)
     book.save(out)
@@ -394,10 +397,12 @@ def _clouds(folder: Path, track: GnssTrack) -> Made:
     """Clouds, a surface, which no recording is."""
     chance = np.random.default_rng(1)
     head = laspy.LasHeader(version="1.4", point_format=6)
-    head.scales, head.offsets = np.full(3, 0.001), np.array([16_600.0, 96_500.0, 200.0])
+    head.scales = np.full(3, 0.001)
+    head.offsets = np.array([16_600.0, 96_500.0, 200.0])
     head.add_crs(pyproj.CRS("EPSG:6677"))
     cloud = laspy.LasData(head)
-    cloud.x, cloud.y = 16_600.0 + chance.uniform(0, 9, 300), 96_500.0 + chance.uniform(0, 9, 300)
+    cloud.x = 16_600.0 + chance.uniform(0, 9, 300)
+    cloud.y = 96_500.0 + chance.uniform(0, 9, 300)
     cloud.z = 270.0 + 0.02 * chance.standard_normal(300)
     cloud.classification = np.full(300, 2, np.uint8)
     for name in ("cloud.las", "cloud.laz"):
@@ -416,7 +421,8 @@ def _clouds(folder: Path, track: GnssTrack) -> Made:
 
 def _images() -> Made:
     """Images with times in a table and in themselves."""
-    photos, exif = {}, Image.Exif()
+    photos = {}
+    exif = Image.Exif()
     exif.get_ifd(0x8769).update({0x9003: "2026:05:23 11:41:12", 0x9291: "25", 0x9011: "+02:00"})
     for k in range(3):
         out = io.BytesIO()

@@ -326,12 +326,14 @@ class Opened:
     """Sees which files of a folder are opened, by whatever library (inotify of Linux)."""
 
     def __init__(self) -> None:
-        self._watch, self._folder = -1, Path()
+        self._watch = -1
+        self._folder = Path()
 
     def begin(self, folder: Path) -> None:
         """Look at a folder from now on; what came before is forgotten."""
         if self._folder != folder:
-            self._watch, self._folder = _LIBC.inotify_init1(os.O_NONBLOCK), folder
+            self._watch = _LIBC.inotify_init1(os.O_NONBLOCK)
+            self._folder = folder
             _LIBC.inotify_add_watch(self._watch, os.fsencode(folder), _IN_OPEN)
         self.names()
 
@@ -360,8 +362,11 @@ def no_network() -> None:
     if platform.machine() not in _SYSCALLS:
         return
     architecture, connect = _SYSCALLS[platform.machine()]
-    load, equal, give = 0x20, 0x15, 0x06
-    allow, kill = 0x7FFF0000, 0x80000000
+    load = 0x20
+    equal = 0x15
+    give = 0x06
+    allow = 0x7FFF0000
+    kill = 0x80000000
     program = [
         (load, 0, 0, 4), (equal, 0, 3, architecture), (load, 0, 0, 0), (equal, 0, 1, connect), (give, 0, 0, kill),
         (give, 0, 0, allow),

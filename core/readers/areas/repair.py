@@ -69,8 +69,10 @@ def expect_few_crossings(shapes: NDArray[Any]) -> None:
     same = np.flatnonzero(ring[1:] == ring[:-1])
     if len(same) <= _FEW_EDGES:
         return
-    begin, end = xy[same], xy[same + 1]
-    low, high = np.minimum(begin, end), np.maximum(begin, end)
+    begin = xy[same]
+    end = xy[same + 1]
+    low = np.minimum(begin, end)
+    high = np.maximum(begin, end)
     reach = (high - low).sum(axis=0) / np.maximum(high.max(axis=0) - low.min(axis=0), 1e-300)
     axis = int(np.argmin(reach))  # along which fewer edges overlap
     order = np.argsort(low[:, axis], kind="stable")
@@ -88,17 +90,26 @@ def _count_pairs(edges, most_compared, most_near, most_crossing):  # type: ignor
 
     Counting ends where a number is beyond its limit.
     """
-    compared, near, crossing = 0, 0, 0
+    compared = 0
+    near = 0
+    crossing = 0
     n = len(edges)
     for i in range(n):
-        ax, ay, bx, by = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
-        right, low, high = max(ax, bx), min(ay, by), max(ay, by)
+        ax = edges[i, 0]
+        ay = edges[i, 1]
+        bx = edges[i, 2]
+        by = edges[i, 3]
+        right = max(ax, bx)
+        low = min(ay, by)
+        high = max(ay, by)
         for j in range(i + 1, n):
-            cx, dx = edges[j, 0], edges[j, 2]
+            cx = edges[j, 0]
+            dx = edges[j, 2]
             if min(cx, dx) > right:
                 break
             compared += 1
-            cy, dy = edges[j, 1], edges[j, 3]
+            cy = edges[j, 1]
+            dy = edges[j, 3]
             if max(cy, dy) < low or min(cy, dy) > high:
                 continue
             near += 1

@@ -204,7 +204,8 @@ class _Pages:
     def read(self, at: int, size: int) -> bytes:
         """Bytes at an offset without checksums; ValueError if they are not there, or damaged."""
         content = self.page_bytes - _CHECKSUM_BYTES
-        first, last = at // content, (at + size - 1) // content
+        first = at // content
+        last = (at + size - 1) // content
         if not 0 <= at <= self._size:
             raise ValueError(f"it has no byte {at:,}")
         if (last + 1) * self.page_bytes > self._size:
@@ -218,7 +219,8 @@ class _Pages:
             if len(wrong):
                 at_byte = (first + int(wrong[0])) * self.page_bytes
                 raise ValueError(f"the page at byte {at_byte:,} has a wrong checksum")
-            self._first, self._content = first, pages[:, :content].tobytes()
+            self._first = first
+            self._content = pages[:, :content].tobytes()
         within = at - self._first * content
         return self._content[within : within + size]
 
@@ -229,7 +231,9 @@ def _columns(pages: _Pages, scan: _Scan) -> Iterator[dict[str, FloatArray]]:
     kind, (packets,) = head[0], struct.unpack_from("<Q", head, 16)
     if kind != 1:
         raise ValueError(f"a section of the type {kind} where points should be")
-    at, done, held = _logical(packets, pages.page_bytes), 0, 0
+    at = _logical(packets, pages.page_bytes)
+    done = 0
+    held = 0
     streams = [bytearray() for _ in scan.fields]
     bits = [0] * len(streams)
     while done < scan.points:

@@ -214,7 +214,8 @@ class OusterReader(FileReader, ABC):
                     self.share_read = (sum(sizes[:i]) + sizes[i] * share) / sum(sizes)
                     if self.options.glance_s is not None:
                         glanced = host_s % self.options.glance_s < _GLANCE_S
-                        offset, host_s = offset[glanced], host_s[glanced]
+                        offset = offset[glanced]
+                        host_s = host_s[glanced]
                     yield from decoder.push(data, offset, host_s)
         yield from decoder.finish()
 

@@ -180,7 +180,8 @@ class OusterOsf(OusterReader):
         bad = 0
         try:
             with path.open("rb") as file:
-                size, unpacked = path.stat().st_size, 0
+                size = path.stat().st_size
+                unpacked = 0
                 for chunk in _chunks(file, path):
                     for found in _turns(chunk, stream, others):
                         if found is None:

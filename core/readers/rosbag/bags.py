@@ -595,7 +595,8 @@ class _RosBag(FileReader):
             for scans in batches():
                 self.clock = decoder.clock
                 for scan in scans:
-                    first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
+                    first_s = min(first_s, float(scan.t_s[0]))
+                    last_s = max(last_s, float(scan.t_s[-1]))
                     yield scan
 
         def conclude() -> None:

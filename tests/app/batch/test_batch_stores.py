@@ -101,7 +101,8 @@ def test_promise_23__only_stores_are_opened(place: str, tmp_path: Path) -> None:
 def test_promise_23__names_in_a_store_lead_to_no_other_address(tmp_path: Path) -> None:
     """fsspec takes what follows "::" in a path as an address: here that of a file of this machine."""
     (tmp_path / "session.toml").write_text("secret = 1")
-    system, bucket = fsspec.filesystem("memory"), "/chained"
+    system = fsspec.filesystem("memory")
+    bucket = "/chained"
     name = f"{bucket}/x::file://{tmp_path}/session.toml"
     system.makedirs(name.rpartition("/")[0], exist_ok=True)
     system.pipe_file(name, b"furrowmap = 1")

@@ -137,7 +137,8 @@ if __name__ == "__main__":
 
 
 def test_keys_of_a_batch__are_in_folders_of_this_user_alone_and_gone_afterwards(tmp_path: Path) -> None:
-    start, temporary = tmp_path / "start", tmp_path / "temporary"
+    start = tmp_path / "start"
+    temporary = tmp_path / "temporary"
     for folder in (start, temporary):
         folder.mkdir()
     (start / "sitecustomize.py").write_text(WATCH)

@@ -42,7 +42,8 @@ def write_scene(folder: Path) -> Path:
     (folder / "bare.toml").write_text(SESSION, encoding="utf-8")
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.add_crs(CRS("EPSG:25832"))
-    header.scales, header.offsets = np.full(3, 0.001), CORNER_M
+    header.scales = np.full(3, 0.001)
+    header.offsets = CORNER_M
     las = laspy.LasData(header)
     las.xyz = np.concatenate(cloud()) + CORNER_M
     las.write(folder / "cloud.laz")

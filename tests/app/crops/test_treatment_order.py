@@ -13,14 +13,17 @@ import shapely
 
 import furrowmap
 
-EAST, NORTH, CRS = 651_500.0, 6_133_880.0, "EPSG:25832"
+EAST = 651_500.0
+NORTH = 6_133_880.0
+CRS = "EPSG:25832"
 DOSES = [0, 100, 200, 0, 100, 200, 200, 100, 0, 100, 200, 0]
 
 
 @pytest.fixture(scope="module")
 def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Twelve parcels of 2 m by 1.2 m in a row, as high as their dose, on level soil."""
-    folder, rng = tmp_path_factory.mktemp("trial"), np.random.default_rng(5)
+    folder = tmp_path_factory.mktemp("trial")
+    rng = np.random.default_rng(5)
     gross = [shapely.box(3.0 * k, 0.0, 3.0 * k + 2.0, 1.2) for k in range(len(DOSES))]
     xy = rng.uniform((-1.0, -1.0), (36.0, 2.2), (60_000, 2))
     height = 70.0 + 0.01 * rng.standard_normal(len(xy))
@@ -28,10 +31,13 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
         inside = shapely.contains_xy(shape, *xy.T)
         height[inside] += 0.3 + 0.001 * dose - 0.03 * rng.weibull(1.3, int(inside.sum()))
     header = laspy.LasHeader(point_format=6, version="1.4")
-    header.scales, header.offsets = np.full(3, 0.001), np.array([EAST, NORTH, 0.0])
+    header.scales = np.full(3, 0.001)
+    header.offsets = np.array([EAST, NORTH, 0.0])
     header.add_crs(pyproj.CRS(CRS))
     las = laspy.LasData(header)
-    las.x, las.y, las.z = xy[:, 0] + EAST, xy[:, 1] + NORTH, height
+    las.x = xy[:, 0] + EAST
+    las.y = xy[:, 1] + NORTH
+    las.z = height
     las.return_number[:] = las.number_of_returns[:] = 1
     las.write(folder / "flight.laz")
     placed = [shapely.transform(shape, lambda en: en + np.array([EAST, NORTH])) for shape in gross]

@@ -24,7 +24,8 @@ def found(rate_mps: float, seed: int) -> HeightTrend:
         law[axis::3, axis::3] = np.linalg.inv(law_m2)
     # Scans show all but the mean.
     centred = np.eye(n) - 1.0 / n
-    normal, right = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
+    normal = np.zeros((3 * n, 3 * n))
+    right = np.zeros(3 * n)
     normal[2::3, 2::3] = centred / SEEN_M**2
     right[2::3] = centred @ (error_m + rng.normal(0.0, SEEN_M, n)) / SEEN_M**2
     return height_trend((normal, right), (law, np.zeros(3 * n)), T_S)

@@ -35,7 +35,8 @@ def scan(true: str, read_as: str, mounting: Mounting, tilt_deg: float = 0.0) -> 
     """A turn over ground with 2 cm of relief, tilted against the vehicle, decoded with elevations of another model."""
     rng = np.random.default_rng(1)
     laser, turn = np.meshgrid(np.arange(len(ELEVATIONS_DEG[true])), np.radians(np.arange(0.0, 360.0, 0.4)))
-    laser, turn = laser.ravel(), turn.ravel()
+    laser = laser.ravel()
+    turn = turn.ravel()
 
     def directions(model: str) -> FloatArray:
         up = np.radians(ELEVATIONS_DEG[model])[laser]

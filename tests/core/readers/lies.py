@@ -103,7 +103,8 @@ def osf_messages(folder: Path) -> Path:
 
 def osf_turns(folder: Path) -> Path:
     """Thousands of turns of the same number without returns, which compress to nothing."""
-    beams, columns = 32, 1024
+    beams = 32
+    columns = 1024
     image = struct.pack("<2sHHBB", b"\xf8\xfb", columns, beams, 4, 1) + zstd.compress(bytes(4 * beams * columns))
     stamps = (1_750_000_000_000_000_000 + np.arange(columns)).astype("<u8")
     turn = table(

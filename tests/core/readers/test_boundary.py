@@ -261,7 +261,8 @@ def test_agopengps__metres_per_degree_are_those_of_the_latitude(corner_m: tuple[
     east_m, north_m = corner_m
     text = f"{east_m},{north_m},0\n{east_m + 100},{north_m},0\n{east_m},{north_m + 100},0\n"
     (field,) = read_fields(agopengps_folder(tmp_path, "$Boundary\nFalse\n3\n" + text))
-    lon, lat = 140.02, 36.87
+    lon = 140.02
+    lat = 36.87
     squared = 0.00669437999014
     meridian_m = 6378137.0 * (1 - squared) / (1 - squared * np.sin(np.radians(lat)) ** 2) ** 1.5
     corner_lat = lat + np.degrees(north_m / meridian_m)

@@ -14,7 +14,9 @@ from furrowmap.core.readers.exposure_marks import read_marks
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.images import Images
 
-EXIF, TAKEN, SUBSECOND = 0x8769, 0x9003, 0x9291
+EXIF = 0x8769
+TAKEN = 0x9003
+SUBSECOND = 0x9291
 GPS_EPOCH = dt.datetime(1980, 1, 6, tzinfo=dt.UTC)
 FIRST = dt.datetime(2026, 5, 12, 9, 30, 5, tzinfo=dt.UTC)
 LEAP_S = 18

@@ -56,7 +56,10 @@ def captured(folder: Path, *parts: list[Frame]) -> Path:
 
 def with_damage(path: Path, every: int = 40_000) -> Path:
     """The capture with bytes between its records that belong to none."""
-    data, out, at, next_at = path.read_bytes(), bytearray(), 24, every
+    data = path.read_bytes()
+    out = bytearray()
+    at = 24
+    next_at = every
     out += data[:24]
     while at < len(data):
         size = 16 + int.from_bytes(data[at + 8 : at + 12], "little")
@@ -78,7 +81,8 @@ def hesai_capture(folder: Path, *, returns: int = 1, left_out: int = 0) -> Path:
 def ouster_capture(folder: Path, change: Callable[[list[bytes]], list[bytes]]) -> Path:
     """A capture of 16 turns whose records are changed."""
     path = recorded(folder, 16.0)
-    data, size = path.read_bytes(), 16 + 42 + 6400
+    data = path.read_bytes()
+    size = 16 + 42 + 6400
     records = [data[24 + size * k : 24 + size * (k + 1)] for k in range(16 * 64)]
     path.write_bytes(data[:24] + b"".join(change(records)))
     return path

@@ -27,7 +27,8 @@ def make_program(folder: Path) -> Path:
 def test_promise_23__a_program_in_the_current_folder_is_not_started(
     look: Callable[[str], str | None], entry: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here, installed = tmp_path / "here", tmp_path / "installed"
+    here = tmp_path / "here"
+    installed = tmp_path / "installed"
     for folder in (here, here / "here", installed):
         folder.mkdir()
     make_program(here)

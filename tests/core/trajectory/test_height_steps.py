@@ -13,7 +13,8 @@ RATE_HZ = 10.0
 
 
 def track(height_m: np.ndarray) -> GnssTrack:
-    n, unknown = len(height_m), np.full(len(height_m), np.nan)
+    n = len(height_m)
+    unknown = np.full(len(height_m), np.nan)
     return GnssTrack(
         t_s=1_779_529_272.0 + np.arange(n) / RATE_HZ,
         lon_deg=np.full(n, 11.0),

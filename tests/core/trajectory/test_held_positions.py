@@ -28,9 +28,12 @@ def log(
 ) -> GnssTrack:
     """At 36.9° N, with a millimetre as the last digit."""
     en_m = way() if en_m is None else en_m
-    nan, sigma = np.full(N, np.nan), np.full(N, SIGMA_M)
-    lat, lon = 36.9 + en_m[:, 1] / 111_200.0, 140.0 + en_m[:, 0] / 89_000.0
-    fixes, satellites = np.full(N, fix, np.int8), np.full(N, 12, np.int16)
+    nan = np.full(N, np.nan)
+    sigma = np.full(N, SIGMA_M)
+    lat = 36.9 + en_m[:, 1] / 111_200.0
+    lon = 140.0 + en_m[:, 0] / 89_000.0
+    fixes = np.full(N, fix, np.int8)
+    satellites = np.full(N, 12, np.int16)
     speed = np.full(N, speed_mps)
     return GnssTrack(
         T_S,

@@ -46,7 +46,8 @@ def tilled(seed: int = 0) -> FloatArray:
 
 
 def ends(change_m: FloatArray, aside_m: float = 0.0, half_m: float = HALF_M) -> ToolEnds:
-    summed, points = edges(aside_m, half_m), changed(change_m)
+    summed = edges(aside_m, half_m)
+    points = changed(change_m)
     return summed.ends(summed.changes(points, np.ones(len(points.cell), np.bool_)))
 
 
@@ -105,7 +106,8 @@ def transition(at_m: float, *, lowered: bool) -> Transition:
 
 @pytest.mark.parametrize("stated_ahead_m", [0.0, 0.2, 0.5, -0.5, -0.9])
 def test_tool__ahead_or_behind_where_it_is_stated_is_told_by_begins_and_ends(stated_ahead_m: float) -> None:
-    begin_m, end_m = 3.0 + stated_ahead_m, 9.0 + stated_ahead_m
+    begin_m = 3.0 + stated_ahead_m
+    end_m = 9.0 + stated_ahead_m
     transitions = [transition(begin_m, lowered=True), transition(end_m, lowered=False)]
     summed = ToolEdges([Passages([way(begin_m, end_m)])], HALF_M, transitions)
     points = changed(np.where((EASTING_M > 3.0) & (EASTING_M < 9.0), tilled(), 0.0))
