@@ -10,13 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, TypeAlias
 
+from furrowmap.exporters.files.plain_files import create_new
+
 Block: TypeAlias = bytes | bytearray
 Waiting: TypeAlias = tuple[Block, float]
 """A block, and the time of the monotonic clock at which its first byte was received."""
 
 MAX_TAKEN: Final = 10_000
 """Names that something else has, after each other, until a file counts as impossible."""
-_NEW_FILE: Final = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
 
 
 def numbered_files(folder: Path, stem: str, suffix: str) -> dict[int, Path]:
@@ -98,7 +99,7 @@ class Series:
         while True:
             self._number += 1
             try:
-                self.descriptor = os.open(self.folder / self._name, _NEW_FILE, 0o644)
+                self.descriptor = create_new(self.folder / self._name)
                 break
             except FileExistsError:  # a folder, a link or the file of another program
                 if self._number >= last:

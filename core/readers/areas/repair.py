@@ -81,7 +81,7 @@ def expect_few_crossings(shapes: NDArray[Any]) -> None:
     if crossing > MAX_CROSSINGS:
         raise ValueError(f"its {len(edges):,} edges cross each other more than {MAX_CROSSINGS:,} times")
     if near > MAX_NEAR_PAIRS or compared > _MAX_COMPARED:
-        raise ValueError(f"its {len(edges):,} edges lie so close together that they cannot be told apart in time")
+        raise ValueError(f"its {len(edges):,} edges lie so close together that comparing them would take hours")
 
 
 @kernel()

@@ -160,7 +160,7 @@ def test_promise_26__every_thread_that_is_killed_is_named_at_once_and_works_agai
     names = {each["name"] for each in found.status["threads"]}
     assert killer.said_s.keys() == names
     assert {"packets", "writer", "flusher", "metadata", "watch", f"GNSS receiver udp://:{ports[2]}"} == names
-    assert all(f"for {name} was" in " ".join(killer.alarms) for name in names)
+    assert all(f"for {name}. It was" in " ".join(killer.alarms) for name in names)
     recorded = numbered(payloads(folder, "lidar-127.0.0.1"))
     lost = killer.sent - len({*recorded} & {*range(killer.sent)})
     sys.stderr.write(f"said within {max(killer.said_s.values()):.2f} s: {killer.said_s}; {lost} packets lost, ")
