@@ -23,6 +23,8 @@ from furrowmap.core.values.gnss import GnssTrack
 
 MAX_CLIMB_ACCELERATION_MPS2: Final = 10.0
 """Of an aircraft or a vehicle between two epochs."""
+MEDIAN_OF_NORMAL: Final = 0.6745
+"""Median of absolute normal deviates, in their standard deviation."""
 AROUND: Final = (-3, -2, -1, 1, 2, 3)
 """Intervals beside one, whose median speed of climb is that of the vehicle."""
 
@@ -40,7 +42,9 @@ def without_height_steps(track: GnssTrack, notices: list[Notice]) -> tuple[GnssT
     climb_mps = np.diff(track.height_m) / step_s
     around = np.clip(np.arange(len(step_s))[:, None] + np.array(AROUND), 0, len(step_s) - 1)
     step_m = (climb_mps - np.median(climb_mps[around], axis=1)) * step_s
-    sigma_m = sigmas_m(track)[:, 1]
+    # Heights may scatter more than their standard deviations say.
+    scatter_m = float(np.median(np.abs(step_m))) / MEDIAN_OF_NORMAL
+    sigma_m = np.maximum(sigmas_m(track)[:, 1], scatter_m)
     reach_m = np.maximum(HEIGHT_JUMP_FLOOR_M, JUMP_SIGMAS * np.maximum(sigma_m[1:], sigma_m[:-1]))
     reach_m += 0.5 * MAX_CLIMB_ACCELERATION_MPS2 * step_s**2
     steps = np.flatnonzero((np.abs(step_m) > reach_m) & (step_s < MAX_STEP_INTERVALS * np.median(step_s)))

@@ -59,3 +59,10 @@ def test_a_vehicle_that_climbs__has_one_level() -> None:
     assert level is stated
     assert apart_m == 0.0
     assert notices == []
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_heights_that_scatter_more_than_stated__have_one_level(seed: int) -> None:
+    """As those of a receiver without corrections, stated as good to centimetres."""
+    noise_m = np.random.default_rng(seed).normal(0.0, 1.0, 3000)
+    assert without_height_steps(track(noise_m), [])[1] == 0.0
