@@ -51,7 +51,8 @@ def main() -> int:
                     print(f"  needs: {toml_of(text.data)!r} {text.edits}")
         if total.sessions // asked.every > before // asked.every:
             rate = total.sessions / (time.monotonic() - begun_s)
-            print(f"{total.sessions} sessions, {rate:.1f} a second, {len(total.findings)} findings", flush=True)
+            most = f"{total.longest_s[0]:.1f} s, {total.most_bytes[0] >> 20} MB at most"
+            print(f"{total.sessions} sessions, {rate:.1f} a second, {len(total.findings)} findings, {most}", flush=True)
     for end, count in sorted(total.ends.items(), key=lambda each: -each[1]):
         print(f"{count:8} {end}")
     print(f"{total.sessions} sessions, {total.commands} commands, {len(total.findings)} findings")
