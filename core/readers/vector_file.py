@@ -5,6 +5,7 @@ content, and a text that names another format would open other files.
 """
 
 import datetime as dt
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -126,17 +127,56 @@ def _polygon(element: Element) -> shapely.Polygon:
         raise ValueError(f"a polygon has a ring that is none ({str(error)[:80]})") from None
 
 
+_BY_COMMA: Final = re.compile(r"\s*,\s*")
+_CLEARLY_SMALLER: Final = 10.0
+"""How much smaller the extent of one reading of a list of numbers is than that of the other, to be the right one."""
+
+
 def _ring(element: Element) -> list[tuple[float, float]]:
-    corners = []
-    for text in element.text.split():
-        numbers = text.split(",")
-        try:
-            corners.append((float(numbers[0]), float(numbers[1])))
-        except (ValueError, IndexError):
-            raise ValueError(f"{text[:40]!r} is no longitude and latitude") from None
+    corners = _corners(element.text)
     if len(corners) < 3 or not np.isfinite(corners).all():
         raise ValueError(f"a ring of {len(corners)} corners, or with coordinates that are not finite")
-    return corners
+    return [(lon, lat) for lon, lat in corners.tolist()]
+
+
+def _corners(text: str) -> FloatArray:
+    """Longitude and latitude (n, 2) of tuples of two or three numbers.
+
+    The standard has commas within tuples and spaces between them. Files of others have spaces behind the commas, too,
+    or commas between the tuples, which leaves open how many numbers a tuple has.
+
+    Raises:
+        ValueError: if a tuple is none, or both numbers are possible.
+    """
+    tuples = [word.split(",") for word in text.split()]
+    if not all(len(one) in (2, 3) and all(one) for one in tuples):
+        tuples = [word.split(",") for word in _BY_COMMA.sub(",", text.strip().rstrip(",")).split()]
+    rows = [_numbers(one) for one in tuples]
+    if all(len(row) in (2, 3) for row in rows):
+        return np.array([row[:2] for row in rows], np.float64).reshape(-1, 2)
+    readings = [
+        np.concatenate([np.array(row).reshape(-1, size)[:, :2] for row in rows])
+        for size in (2, 3)
+        if all(len(row) % size == 0 for row in rows)
+    ]
+    readings.sort(key=_extent)
+    if not readings or (len(readings) > 1 and not _CLEARLY_SMALLER * _extent(readings[0]) < _extent(readings[1])):
+        raise ValueError(f"{text.strip()[:40]!r} has commas between its tuples, and no certain number of coordinates")
+    return readings[0]
+
+
+def _numbers(words: list[str]) -> list[float]:
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        numbers = []
+    if len(numbers) < 2:
+        raise ValueError(f"{','.join(words)[:40]!r} is no longitude and latitude")
+    return numbers
+
+
+def _extent(corners: FloatArray) -> float:
+    return float(np.ptp(corners, axis=0).max())
 
 
 def _tag(element: Element) -> str:
