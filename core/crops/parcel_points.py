@@ -15,6 +15,7 @@ from furrowmap.core.crops.soil import SoilCells, noise_in_pixels, soil_cells
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray, IntArray
 from furrowmap.core.runtime.background import in_threads
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys
 from furrowmap.core.values.parcel import Parcel
@@ -45,10 +46,18 @@ class ParcelPoints:
         folder: for the temporary files; None for the default one.
         around_m: width of the strip around the gross parcels whose points are kept too; None keeps the points of the
             net parcels only.
+        notices: about the file of the parcels.
     """
 
-    def __init__(self, parcels: Sequence[Parcel], folder: Path | None, around_m: float | None = None) -> None:
+    def __init__(
+        self,
+        parcels: Sequence[Parcel],
+        folder: Path | None,
+        around_m: float | None = None,
+        notices: Sequence[Notice] = (),
+    ) -> None:
         self.parcels = tuple(parcels)
+        self.notices = tuple(notices)
         bounds = np.array([parcel.gross.bounds for parcel in parcels])
         self.origin_m = (float(np.floor(bounds[:, 0].min())), float(np.floor(bounds[:, 1].min())))
         self.kept = [_wider(p.net, EDGE_M) if around_m is None else _wider(p.gross, around_m) for p in parcels]

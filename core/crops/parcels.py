@@ -120,7 +120,11 @@ class _GrossParcel:
 
 
 def read_parcels(
-    path: Path, target: CRS, net_inset_m: tuple[float, float] = (0.0, 0.0), net: Path | None = None
+    path: Path,
+    target: CRS,
+    net_inset_m: tuple[float, float] = (0.0, 0.0),
+    net: Path | None = None,
+    notices: list[Notice] | None = None,
 ) -> tuple[Parcel, ...]:
     """The parcels of a vector file, or of a CSV with one row per corner, in map coordinates.
 
@@ -135,9 +139,11 @@ def read_parcels(
         net_inset_m: width of the strip between gross and net parcel off each end, and off each side, in metres on the
             ground.
         net: file with the net parcels, under the same identifiers, instead of an inset.
+        notices: gets what was decided where a file leaves it open.
     """
-    gross = _read_polygons(path, target)
-    nets = {found.id: found.shape for found in _read_polygons(net, target)} if net is not None else {}
+    decided: list[Notice] = [] if notices is None else notices
+    gross = _read_polygons(path, target, decided)
+    nets = {found.id: found.shape for found in _read_polygons(net, target, decided)} if net is not None else {}
     if net is not None and (differing := {found.id for found in gross} ^ nets.keys()):
         missing = [found.id for found in gross if found.id in differing] + [name for name in nets if name in differing]
         raise InputError(
@@ -225,11 +231,12 @@ def _label(value: object) -> str:
     return str(value).strip()
 
 
-def _read_polygons(path: Path, target: CRS) -> list[_GrossParcel]:
+def _read_polygons(path: Path, target: CRS, notices: list[Notice]) -> list[_GrossParcel]:
     def unreadable(why: str) -> InputError:
         return InputError("parcels-unreadable", path=path, why=why, formats=VECTOR_FORMATS)
 
     polygons = polygons_on_map(path, target, unreadable)
+    notices += polygons.notices
     columns = {name.casefold(): name for row in reversed(polygons.attributes) for name in row}
     column = next((columns[name] for name in IDS if name in columns), None)
     names = _identifiers(path, polygons.attributes, column)

@@ -39,6 +39,7 @@ class Treatments:
     path: Path
     by: str
     rows: Mapping[str, Mapping[str, Attribute]]
+    notices: tuple[Notice, ...] = ()
 
 
 def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
@@ -92,7 +93,7 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
         for what, when, name in doses:
             counts = name in texts and day is not None and when <= day
             row[what] = float(row.get(what, 0.0)) + (float(numbers[name][k]) if counts else 0.0)
-    return Treatments(path, TREATMENT if column == TREATMENT else "id", rows)
+    return Treatments(path, TREATMENT if column == TREATMENT else "id", rows, table.notices)
 
 
 def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[tuple[Parcel, ...], list[Notice]]:
@@ -122,7 +123,7 @@ def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[
         stated = parcel.block if parcel.block is not None or block is None else _label(str(block))
         treated.append(replace(parcel, block=stated, attributes={**parcel.attributes, **rest}))
     notice = Notice("treatments-missing", treatments=treatments.path.name, bare=list_names(bare, "parcel"))
-    return tuple(treated), [notice] if bare else []
+    return tuple(treated), [*treatments.notices, *([notice] if bare else [])]
 
 
 def day_of(text: str | None) -> dt.date | None:
@@ -140,6 +141,7 @@ class MeasuredTable:
     parcels: tuple[Parcel, ...]
     value: FloatArray
     sigma: FloatArray
+    notices: tuple[Notice, ...] = ()
 
 
 def read_measured(path: Path, measure: str) -> MeasuredTable:
@@ -173,7 +175,7 @@ def read_measured(path: Path, measure: str) -> MeasuredTable:
         label = table.columns[block][k].strip() if block is not None else ""
         parcels.append(Parcel(name, shapely.Polygon(), shapely.Polygon(), label or None, attributes))
     sigma = numbers.get(SIGMA_COLUMNS.get(wanted, ""), np.full(len(names), np.nan))
-    return MeasuredTable(tuple(parcels), table.numbers(wanted), sigma)
+    return MeasuredTable(tuple(parcels), table.numbers(wanted), sigma, table.notices)
 
 
 def _day(text: str, line: int, unreadable: Callable[[str], InputError]) -> dt.date:

@@ -169,6 +169,8 @@ def run(
     )
     work = replace(tracker.work(located.trajectory, frame, boundary, states), scanner=number)
     field_notices += _boundary_notices(work, located.trajectory)
+    if opened.inputs.within is not None:
+        field_notices += ground_to_map(opened.inputs.within, frame).notices
     watch.lap("work")
     notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
     notices += session_notices(session, located, matched=matched is not None) + position_notices(placement, located)

@@ -14,7 +14,7 @@ from furrowmap.core.readers.agopengps import is_field_folder, read_outline
 from furrowmap.core.readers.areas.repair import made_valid, repaired
 from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, is_task_data, open_task_files, read_content
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
@@ -29,10 +29,10 @@ class FieldOutline:
     outline: BaseGeometry
 
 
-def read_fields(path: Path) -> list[FieldOutline]:
+def read_fields(path: Path, notices: list[Notice] | None = None) -> list[FieldOutline]:
     """The fields of a vector file (:mod:`.vector_file`), a feature each, or of task data, in longitude and latitude.
 
-    A folder of AgOpenGPS is one field.
+    A folder of AgOpenGPS is one field. What was decided where a file leaves it open is added to `notices`.
 
     Projected coordinates are converted to longitude and latitude of the same datum; no datum is changed. InputError if
     the file has another format, cannot be read, has no polygon, states no CRS, or one on a historical datum.
@@ -50,6 +50,8 @@ def read_fields(path: Path) -> list[FieldOutline]:
             raise _unreadable(path, f"none of its {len(fields)} fields has a boundary")
         return known
     polygons = read_polygons(path, partial(_unreadable, path))
+    if notices is not None:
+        notices += polygons.notices
     try:
         outlines, base = _outlines(path, polygons)
         middle = outlines[0].centroid

@@ -1,9 +1,9 @@
-"""Surveyed points from a table or a GeoPackage."""
+"""Surveyed points from a table or a vector file."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pyproj
@@ -11,23 +11,33 @@ import shapely
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.areas.area import horizontal_part, nothing_within, read_area
+from furrowmap.core.readers.ogr_layers import LAYER_MAGIC
 from furrowmap.core.readers.text_table import TextTable, read_table
-from furrowmap.core.readers.vector_file import read_vector_layer
+from furrowmap.core.readers.vector_file import POINT_LAYERS, layer_with, read_vector_layer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
 MAX_SURVEY_BYTES: Final = 50_000_000
-_SURVEY_COLUMNS: Final = {
-    "name": ("name", "id", "point", "point_id", "label", "点名"),
-    "x": ("e_m", "easting", "e", "x", "east", "y座標", "lon_deg", "lon", "longitude"),
-    "y": ("n_m", "northing", "n", "y", "north", "x座標", "lat_deg", "lat", "latitude"),
-    "h": ("h_m", "height", "h", "z", "elevation", "elev", "height_m", "alt", "標高"),
-    "sigma_x": ("sigma_e_m", "sigma_e", "sd_e"),
-    "sigma_y": ("sigma_n_m", "sigma_n", "sd_n"),
-    "sigma_h": ("sigma_h_m", "sigma_h", "sd_h"),
-}
-"""Accepted column names, in any case, without units in brackets. X is the easting, unlike in Japanese surveying."""
+_NAME_COLUMNS: Final = ("name", "id", "point", "point_id", "label", "点名")
+_PLACE_COLUMNS: Final = (
+    ("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"), ("y座標", "x座標"),
+    ("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"),
+)  # fmt: skip
+"""Accepted names of columns, in any case, without units in brackets. X is the easting, unlike in Japanese surveying."""
 _DEGREE_COLUMNS: Final = ("lon_deg", "lon", "longitude")
+_ELLIPSOIDAL: Final = ("ellipsoidal height", "ellipsoidal_height", "ellipsoid_height", "ell_height", "楕円体高")
+_HEIGHT_COLUMNS: Final = (
+    "h_m", "height", "h", "z", "elevation", "elev", "height_m", "alt", "標高", "altitude", "elevation_m", "z_m",
+    "altitude_m", "alt_m", "orthometric height", "orthometric_height", "höhe", "hoehe", *_ELLIPSOIDAL,
+)  # fmt: skip
+_SIGMA_COLUMNS: Final = (
+    ("sigma_e_m", "sigma_e", "sd_e", "easting rms"),
+    ("sigma_n_m", "sigma_n", "sd_n", "northing rms"),
+    ("sigma_h_m", "sigma_h", "sd_h", "elevation rms"),
+)
+"""Standard deviations along the axes; those of Emlid's programs among them."""
+_SAME_HEIGHT_M: Final = 0.001
+_OTHER_HEIGHT_M: Final = 0.01
 
 
 @dataclass(frozen=True)
@@ -72,14 +82,16 @@ def survey_of(path: Path, target: pyproj.CRS, options: SurveyOptions) -> Surveye
         east, north, _ = survey.xyz_m[0].tolist()
         raise nothing_within(area, f"{len(survey)} points in {path.name}", (east, north))
     names = tuple(name for name, inside in zip(survey.name, kept, strict=True) if inside)
-    return replace(survey, name=names, xyz_m=survey.xyz_m[kept], sigma_m=survey.sigma_m[kept])
+    notices = (*survey.notices, *area.notices)
+    return replace(survey, name=names, xyz_m=survey.xyz_m[kept], sigma_m=survey.sigma_m[kept], notices=notices)
 
 
 def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -> SurveyedPoints:
-    """Surveyed points of a CSV or GeoPackage, in the horizontal CRS of a product.
+    """Surveyed points of a CSV or a vector file, in the horizontal CRS of a product.
 
     Args:
-        path: of the file. A CSV has columns such as name, e_m, n_m, h_m (or lon_deg, lat_deg, h_m), sigma_h_m.
+        path: of a GeoPackage, FlatGeobuf or Shapefile, or of a CSV, which has columns such as name, e_m, n_m, h_m (or
+            lon_deg, lat_deg, h_m), sigma_h_m.
         crs: of a file without one; by default `target` for eastings and northings, and its geographic base CRS for
             longitudes and latitudes.
 
@@ -91,44 +103,20 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         raise _unreadable(path, "is a folder" if path.is_dir() else "is not there")
     if path.stat().st_size > MAX_SURVEY_BYTES:
         raise _unreadable(path, f"has {path.stat().st_size:,} bytes: too many for a survey")
-    if path.read_bytes()[:16].startswith(b"SQLite format 3"):
-        try:
-            layer = read_vector_layer(path, times_as_text=True)
-        except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
-            raise _unreadable(path, f"cannot be read ({str(error)[:100]})") from None
-        if not len(layer) or not all(isinstance(shape, shapely.Point) for shape in layer.shapes):
-            raise _unreadable(path, "holds other geometries than points in its first layer")
-        cells = {name.strip().casefold(): values.astype(str).tolist() for name, values in layer.columns.items()}
-        _, columns = _columns(TextTable(cells, list(range(1, 1 + len(layer))), decimal_comma=False))
-        columns["x"], columns["y"], z = layer.coordinates.T
-        columns["h"] = np.where(np.isfinite(z), z, columns["h"])
-        stated = layer.crs
-    else:
-        table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
-        found, columns = _columns(table)
-        missing = [_SURVEY_COLUMNS[key][0] for key in "xyh" if found[key] is None]
-        if missing:
-            raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {table.names})")
-        degrees = found["x"] in _DEGREE_COLUMNS
-        if not all(np.isfinite(columns[key]).any() for key in "xyh"):
-            faults = [(column, table.first_fault(column)) for key in "xyh" if (column := found[key]) is not None]
-            said = [f"line {at[0]} holds {at[1]!r} under {column}" for column, at in faults if at is not None]
-            raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
-        if degrees and np.nanmax(np.abs(columns["y"])) > 90.0:
-            raise _unreadable(
-                path, f"has latitudes such as {np.nanmax(columns['y']):g}: longitude and latitude are swapped"
-            )
-        stated = horizontal_part(target).geodetic_crs if degrees and crs is None else None
-    source = stated or crs or target
-    xyz = np.column_stack([columns["x"], columns["y"], columns["h"]])
-    whole = np.isfinite(xyz).all(axis=1)
+    rows = _rows_of_layer(path) if _is_layer(path) else _rows_of_table(path)
+    base = horizontal_part(target).geodetic_crs if rows.degrees else None
+    source = rows.crs or crs or base or target
+    whole = np.isfinite(rows.xyz).all(axis=1)
     if not whole.any():
         raise _unreadable(path, "has no point with easting, northing and height")
-    notices = [] if whole.all() else [Notice("points-incomplete", path=path.name, whole=int((~whole).sum()))]
-    xyz = xyz[whole]
-    kept, sigma = np.flatnonzero(whole), np.column_stack([columns[f"sigma_{k}"] for k in "xyh"])[whole]
-    names = tuple(str(columns["name"][k]) for k in kept)
+    notices = list(rows.notices)
+    if not whole.all():
+        notices.append(Notice("points-incomplete", path=path.name, whole=int((~whole).sum())))
+    xyz, sigma = rows.xyz[whole], rows.sigma[whole]
+    names = tuple(rows.names[k] for k in np.flatnonzero(whole))
     kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in (source, target)]
+    if kinds[0] is None and rows.ellipsoidal:
+        kinds[0] = "ellipsoidal height"
     if None not in kinds and kinds[0] != kinds[1]:
         raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
     flat, wanted = horizontal_part(source), horizontal_part(target)
@@ -141,28 +129,127 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
 
 
 def in_degrees(path: Path) -> bool:
-    """Whether a table has longitudes and latitudes; false for a GeoPackage, and for what cannot be read."""
+    """Whether a table has longitudes and latitudes; false for a vector file, and for what cannot be read."""
     try:
-        with path.open("rb") as file:
-            if file.read(16).startswith(b"SQLite format 3"):
-                return False
-        table = read_table(path, partial(_unreadable, path))
+        return not _is_layer(path) and _rows_of_table(path).degrees
     except (InputError, OSError):
         return False
-    return table.find(_SURVEY_COLUMNS["x"]) in _DEGREE_COLUMNS
 
 
-def _columns(table: TextTable) -> tuple[dict[str, str | None], dict[str, Any]]:
-    """Names of the columns that are there, and their values; nan, or numbers as names, for the others."""
-    found = {key: table.find(names) for key, names in _SURVEY_COLUMNS.items()}
-    n, name = len(table.lines), found["name"]
-    columns: dict[str, Any] = {
-        key: table.numbers(column) if column is not None else np.full(n, np.nan)
-        for key, column in found.items()
-        if key != "name"
-    }
-    columns["name"] = np.array(table.columns[name], object) if name is not None else np.arange(1, n + 1).astype(str)
-    return found, columns
+@dataclass(frozen=True)
+class _SurveyRows:
+    """The n points of a file as it has them: coordinates (n, 3) and standard deviations (n, 3), nan where unknown.
+
+    Attributes:
+        ellipsoidal: whether the column of heights says that they are above the ellipsoid.
+    """
+
+    names: list[str]
+    xyz: FloatArray
+    sigma: FloatArray
+    degrees: bool = False
+    ellipsoidal: bool = False
+    crs: pyproj.CRS | None = None
+    notices: tuple[Notice, ...] = ()
+
+
+def _is_layer(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(16).startswith(LAYER_MAGIC)
+
+
+def _rows_of_layer(path: Path) -> _SurveyRows:
+    try:
+        name, notices = layer_with(path, POINT_LAYERS)
+        layer = read_vector_layer(path, name, times_as_text=True)
+    except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
+        raise _unreadable(path, f"cannot be read ({str(error)[:200]})") from None
+    there = [shape for shape in layer.shapes if shape is not None]
+    if not there or not all(isinstance(shape, shapely.Point | shapely.MultiPoint) for shape in there):
+        raise _unreadable(path, "holds other geometries than points" if there else "holds no point")
+    cells = {name.strip().casefold(): values.astype(str).tolist() for name, values in layer.columns.items()}
+    table = TextTable(cells, list(range(1, 1 + len(layer))), decimal_comma=False)
+    parts = shapely.get_num_geometries(layer.shapes)
+    members = np.maximum(parts, 1)
+    feature = np.repeat(np.arange(len(layer)), members)
+    single = np.full(len(feature), None, object)
+    single[(parts > 0)[feature]] = shapely.get_parts(layer.shapes)
+    single[shapely.is_empty(single)] = None
+    names = _names(table)
+    labels = [
+        names[k] if members[k] == 1 else f"{names[k]}/{part}"
+        for k, many in enumerate(members.tolist())
+        for part in range(1, many + 1)
+    ]
+    if (several := int((members > 1).sum())) > 0:
+        notices.append(Notice("points-split", path=path.name, several=several, points=int(members[members > 1].sum())))
+    xyz: FloatArray = np.column_stack([part(single) for part in (shapely.get_x, shapely.get_y, shapely.get_z)])
+    column = _first_filled(table, _HEIGHT_COLUMNS)
+    xyz[:, 2], about = _heights(path, xyz[:, 2], column, table.numbers(column)[feature] if column else None)
+    return _SurveyRows(labels, xyz, _sigmas(table)[feature], crs=layer.crs, notices=(*notices, *about))
+
+
+def _heights(
+    path: Path, z: FloatArray, column: str | None, stated: FloatArray | None
+) -> tuple[FloatArray, list[Notice]]:
+    """Heights (n,) of points with z or without, and of a column (n,) if there is one.
+
+    Programs write z = 0 where no height was put in, and the height in a column.
+    """
+    with_z = np.isfinite(z)
+    empty = with_z & (z == 0.0)
+    if stated is None:
+        nothing = bool(with_z.sum() > 1 and empty.sum() == with_z.sum())
+        return z, [Notice("points-zero", path=path.name)] if nothing else []
+    both = with_z & ~empty & np.isfinite(stated)
+    apart = np.abs(z - stated)[both]
+    agree = not len(apart) or bool((apart <= _SAME_HEIGHT_M).all())
+    heights = np.where(with_z & ~(empty & agree & np.isfinite(stated)), z, stated)
+    if not len(apart) or float(np.median(apart)) <= _OTHER_HEIGHT_M:
+        return heights, []
+    return heights, [Notice("points-two-heights", path=path.name, column=column, apart_m=float(np.median(apart)))]
+
+
+def _rows_of_table(path: Path) -> _SurveyRows:
+    table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
+    pairs = [pair for pair in _PLACE_COLUMNS if set(pair) <= set(table.columns)]
+    place = next((pair for pair in pairs if all(_filled(table, name) for name in pair)), None)
+    place = place or next(iter(pairs), None)
+    height = _first_filled(table, _HEIGHT_COLUMNS) or table.find(_HEIGHT_COLUMNS)
+    missing = [*(_PLACE_COLUMNS[0] if place is None else ()), *(_HEIGHT_COLUMNS[:1] if height is None else ())]
+    if place is None or height is None:
+        raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {table.names})")
+    wanted = (*place, height)
+    if not all(_filled(table, name) for name in wanted):
+        faults = [(name, table.first_fault(name)) for name in wanted]
+        said = [f"line {at[0]} holds {at[1]!r} under {name}" for name, at in faults if at is not None]
+        raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
+    xyz = np.column_stack([table.numbers(name) for name in wanted])
+    degrees = place[0] in _DEGREE_COLUMNS
+    if degrees and (largest := np.nanmax(np.abs(xyz[:, 1]))) > 90.0:
+        raise _unreadable(path, f"has latitudes such as {largest:g}: longitude and latitude are swapped")
+    ellipsoidal = height in _ELLIPSOIDAL
+    return _SurveyRows(_names(table), xyz, _sigmas(table), degrees, ellipsoidal, notices=table.notices)
+
+
+def _filled(table: TextTable, name: str) -> bool:
+    return bool(np.isfinite(table.numbers(name)).any())
+
+
+def _first_filled(table: TextTable, names: Sequence[str]) -> str | None:
+    return next((name for name in names if name in table.columns and _filled(table, name)), None)
+
+
+def _names(table: TextTable) -> list[str]:
+    """The names of points, their numbers without."""
+    column = table.find(_NAME_COLUMNS)
+    return [str(k) for k in range(1, len(table.lines) + 1)] if column is None else table.columns[column]
+
+
+def _sigmas(table: TextTable) -> FloatArray:
+    found = [_first_filled(table, names) for names in _SIGMA_COLUMNS]
+    unknown = np.full(len(table.lines), np.nan)
+    return np.column_stack([unknown if name is None else table.numbers(name) for name in found])
 
 
 def _unreadable(path: Path, why: str) -> InputError:

@@ -14,7 +14,7 @@ import numpy as np
 
 from furrowmap.core.readers.las.decoder import Decoder, Undecodable
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import binary_kind
 from furrowmap.core.runtime.memory import expect_disk, expect_growth, expect_memory
 
@@ -82,6 +82,7 @@ class TextTable:
     columns: dict[str, list[str]]
     lines: list[int]
     decimal_comma: bool
+    notices: tuple[Notice, ...] = ()
 
     @property
     def names(self) -> str:

@@ -7,7 +7,7 @@ content, and a text that names another format would open other files.
 import datetime as dt
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,10 +22,10 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.readers.areas.repair import workable
 from furrowmap.core.readers.geojson import read_geojson
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
-from furrowmap.core.readers.ogr_layers import LAYER_MAGIC, SHAPEFILE_MAGIC, read_layer_arrays
+from furrowmap.core.readers.ogr_layers import LAYER_MAGIC, SHAPEFILE_MAGIC, layer_info, list_layers, read_layer_arrays
 from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_layer
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_signatures import binary_kind
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.crs import crs_of_file
@@ -92,6 +92,34 @@ def read_vector_layer(path: Path, name: str | None = None, *, times_as_text: boo
     columns = dict(zip(map(str, about["fields"]), data, strict=True))
     crs = crs_of_file(about["crs"]) if about["crs"] else None
     return VectorLayer(np.asarray(shapely.from_wkb(wkb), object), columns, crs)
+
+
+POINT_LAYERS: Final = ("Point",)
+POLYGON_LAYERS: Final = ("Polygon", "Surface")
+"""What the names of geometry types have that a layer of points, or of polygons, may have."""
+_ANY_LAYERS: Final = ("Unknown", "Collection")
+
+
+def layer_with(path: Path, kinds: Sequence[str]) -> tuple[str | None, list[Notice]]:
+    """The name of the first layer with features that may have the geometries wanted, and a notice if others may, too.
+
+    None stands for the only layer of a file, whatever it has.
+
+    Raises:
+        ValueError: if no layer may have them, or as :func:`.read_layer_arrays`.
+        Exception: of GDAL, which has no family of its own, if the file is damaged.
+    """
+    layers = list_layers(path)
+    if len(layers) < 2:
+        return None, []
+    for words in (kinds, _ANY_LAYERS):
+        fitting = [name for name, kind in layers if any(word in (kind or "") for word in words)]
+        filled = [name for name in fitting if layer_info(path, name)["features"]]
+        if filled:
+            others = ", ".join(filled[1:])
+            return filled[0], [Notice("layer-chosen", path=path, chosen=filled[0], others=others)] if others else []
+    there = ", ".join(f"{name} ({kind or 'a table without geometries'})" for name, kind in layers)
+    raise ValueError(f"none of its layers has {kinds[0].lower()}s: {there[:200]}")
 
 
 _GEOMETRIES = ("Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack")
@@ -212,16 +240,18 @@ class Polygons:
         shapes: polygons and multipolygons, flat; their rings may cross.
         attributes: of each, by the column's name; None where a cell is empty.
         others: number of features with other geometries, which are left out.
+        notices: what was decided where the file leaves it open.
     """
 
     shapes: tuple[BaseGeometry, ...]
     attributes: tuple[dict[str, Any], ...]
     crs: CRS
     others: int
+    notices: tuple[Notice, ...] = ()
 
 
 def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
-    """The polygons of the first layer of a vector file.
+    """The polygons of the first layer of a vector file that has some.
 
     Only formats are read whose GDAL drivers open no other files. The error of `unreadable` if the file has another
     format, cannot be read, has no polygon, states no CRS, or has coordinates that are not finite; RefusedError if an
@@ -299,10 +329,12 @@ def _is_json(head: bytes) -> bool:
 def _by_gdal(path: Path) -> Polygons:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a ring that is not closed is closed
-        layer = read_vector_layer(path, times_as_text=True)
+        name, notices = layer_with(path, POLYGON_LAYERS)
+        layer = read_vector_layer(path, name, times_as_text=True)
     kept = np.array([isinstance(shape, shapely.Polygon | shapely.MultiPolygon) for shape in layer.shapes], bool)
     if kept.any() and layer.crs is None:
         raise ValueError("it states no CRS")
     polygons = layer.where(kept)
     shapes = tuple(shapely.force_2d(polygons.shapes))
-    return Polygons(shapes, tuple(polygons.rows()), layer.crs or CRS.from_epsg(4326), len(layer) - len(shapes))
+    others = len(layer) - len(shapes)
+    return Polygons(shapes, tuple(polygons.rows()), layer.crs or CRS.from_epsg(4326), others, tuple(notices))

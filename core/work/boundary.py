@@ -33,24 +33,26 @@ def field_boundary(
     `xy_m` (n, 2) are places of the vehicle at even steps of time. Raises InputError if the file cannot be read, has no
     field of the name, or the field lies outside the map.
     """
-    fields = read_fields(file)
+    notices: list[Notice] = []
+    fields = read_fields(file, notices)
     if name is not None:
         wanted = [field for field in fields if name.casefold().strip() in map(str.casefold, field.names)]
         if not wanted:
             known = [" / ".join(field.names[:3]) for field in fields if field.names]
             shown = ", ".join(known[:MAX_NAMES]) + (" and others" if len(known) > MAX_NAMES else "")
             raise InputError("field-unknown", file=file, fields=len(fields), name=name, known=bool(known), shown=shown)
-        return boundary_on_map(_union(wanted), frame), []
+        return boundary_on_map(_union(wanted), frame), notices
     if len(fields) == 1:
-        return boundary_on_map(fields[0].outline, frame), []
+        return boundary_on_map(fields[0].outline, frame), notices
     on_map = [boundary_on_map(field.outline, frame) for field in fields]
     shares = [float(np.mean(shapely.contains_xy(shape, *xy_m[:, :2].T))) for shape in on_map]
     chosen = [k for k, share in enumerate(shares) if share >= MIN_BOUNDARY_SHARE] or list(range(len(fields)))
     boundary = shapely.union_all([on_map[k] for k in chosen])
     if len(chosen) == len(fields):
-        return boundary, []
+        return boundary, notices
     names = ", ".join(" / ".join(fields[k].names[:3]) or "without a name" for k in chosen[:MAX_NAMES])
-    return boundary, [Notice("field-chosen", file=file, fields=len(fields), chosen=len(chosen), names=names)]
+    notices.append(Notice("field-chosen", file=file, fields=len(fields), chosen=len(chosen), names=names))
+    return boundary, notices
 
 
 def held_against_boundary(
@@ -92,9 +94,10 @@ def _apart(boundary: BaseGeometry, drive: BaseGeometry) -> Notice:
 
 def ground_to_map(file: Path, frame: MapFrame) -> Area:
     """All polygons of a file, or of task data, as an area of the map; errors as of :func:`field_boundary`."""
-    shape = boundary_on_map(_union(read_fields(file)), frame)
+    notices: list[Notice] = []
+    shape = boundary_on_map(_union(read_fields(file, notices)), frame)
     polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
-    return Area(file, tuple(polygons))
+    return Area(file, tuple(polygons), tuple(notices))
 
 
 def _union(fields: Sequence[FieldOutline]) -> BaseGeometry:

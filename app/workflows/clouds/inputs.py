@@ -32,7 +32,10 @@ def open_inputs(clouds: Sequence[str | Path], settings: CloudSettings) -> Clouds
     """The clouds in the CRS that settings state, without the points outside their polygons."""
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     within = getattr(settings, "within", None)
-    return opened if within is None else replace(opened, area=read_area(Path(within), opened.crs))
+    if within is None:
+        return opened
+    area = read_area(Path(within), opened.crs)
+    return replace(opened, area=area, notices=(*opened.notices, *area.notices))
 
 
 def box_to_use(

@@ -1,6 +1,7 @@
 """Stands that are no plots: canopy height model, height percentiles, gaps and profiles of clouds."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -77,7 +78,9 @@ def canopy(
     refuse_products(folder, CANOPY_PRODUCTS, overwrite=overwrite)
     opened = open_inputs(clouds, settings)
     file = Path(settings.polygons) if settings.polygons is not None else None
-    areas = read_parcels(file, opened.crs) if file is not None else ()
+    decided: list[Notice] = []
+    areas = read_parcels(file, opened.crs, notices=decided) if file is not None else ()
+    opened = replace(opened, notices=(*opened.notices, *decided))
     box, far = settings.box, tuple[Notice, ...]()
     if box is None and areas:
         west, south, east, north = shapely.total_bounds([area.gross for area in areas]).tolist()

@@ -69,7 +69,10 @@ def growth(
     recover(folder)
     refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
     opened = open_inputs(clouds, settings)
-    areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
+    decided: list[Notice] = []
+    net = Path(settings.net) if settings.net else None
+    areas = read_parcels(file, opened.crs, settings.net_inset_m, net, decided)
+    opened = replace(opened, notices=(*opened.notices, *decided))
     by_day, notices = _clouds_by_day(opened, areas, settings.days), list(opened.notices)
     with staged_folder(folder) as staging, ExitStack() as stack:
         flights = [stack.enter_context(ParcelPoints(areas, staging.parent)) for _ in by_day]

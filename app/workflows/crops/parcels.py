@@ -104,10 +104,12 @@ def parcels(
     recover(folder)
     refuse_products(folder, PARCEL_PRODUCTS, overwrite=overwrite)
     opened = open_inputs(clouds, settings)
-    areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
+    decided: list[Notice] = []
+    net = Path(settings.net) if settings.net else None
+    areas = read_parcels(file, opened.crs, settings.net_inset_m, net, decided)
     _assign_treatments(areas, settings, dt.date.max)  # an error of the table is raised before the work
     around_m = PUBLISHED_STRIP_M if settings.published else None
-    with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, around_m) as points:
+    with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, around_m, decided) as points:
         expect_soil(soil_file(settings.soil), opened.crs, points.box_m)
         notices, span_s = collect_points(opened, file, points, settings.classes, progress)
         others = [path for path in (soil_file(settings.soil), file) if path is not None]
@@ -140,9 +142,11 @@ def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints 
     if path is None or not opened.session.recording.lidar:
         yield None
         return
-    areas = read_parcels(path, opened.frame.crs, settings.net_inset_m)
+    decided: list[Notice] = []
+    areas = read_parcels(path, opened.frame.crs, settings.net_inset_m, notices=decided)
     _assign_treatments(areas, settings, dt.date.max)  # an error of the table is raised before the work
-    with ParcelPoints(areas, folder, PUBLISHED_STRIP_M if settings.published else None) as points:
+    around_m = PUBLISHED_STRIP_M if settings.published else None
+    with ParcelPoints(areas, folder, around_m, decided) as points:
         expect_soil(soil_file(settings.soil), opened.frame.crs, points.box_m)
         yield points
 
@@ -209,7 +213,7 @@ def write_parcels(
     write_parcel_table(folder / PARCEL_TABLE, layer)
     write_parcel_sheet(folder / PARCEL_SHEET, layer)
     unknown = [row.parcel.id for row in found if math.isnan(row.figures.mean_height_m)]
-    notices += soil.notices
+    notices += [*points.notices, *soil.notices]
     if unknown:
         shown = ", ".join(unknown[:5]) + (" and others" if len(unknown) > 5 else "")
         notices.append(Notice("parcels-unmeasured", names=len(unknown), total=len(found), shown=shown))

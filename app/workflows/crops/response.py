@@ -134,6 +134,7 @@ def _flight(
 ) -> _Flight:
     measure = settings.measure or MEASURE
     table = read_measured(path, measure)
+    notices += table.notices
     parcels = table.parcels
     if treatments is not None:
         parcels, more = with_treatments(parcels, read_treatments(treatments, day))

@@ -20,7 +20,7 @@ from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.text_table import number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, VECTOR_FORMATS, Polygons, Unreadable, read_polygons
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
@@ -76,7 +76,7 @@ def _corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygon
         attributes.append({column: name, **{key: number_or_text(cells[members[0]]) for key, cells in others.items()}})
     crs = target if names in _MAP_PAIRS else target.geodetic_crs or target
     try:
-        return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, 0)
+        return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, 0, table.notices)
     except ValueError as error:
         raise unreadable(str(error)) from None
 
@@ -145,6 +145,7 @@ class Area:
 
     path: Path
     polygons: tuple[shapely.Polygon, ...]
+    notices: tuple[Notice, ...] = ()
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -183,7 +184,7 @@ def read_area(path: Path, target: CRS) -> Area:
     if faulty:
         raise InputError("within-invalid", path=path, faulty=faulty[0])
     parts = shapely.get_parts(np.array(found.shapes, object))
-    return Area(path, tuple(parts))
+    return Area(path, tuple(parts), found.notices)
 
 
 def nothing_within(area: Area, what: str, at_m: tuple[float, float] | None) -> InputError:
