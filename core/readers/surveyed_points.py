@@ -30,7 +30,7 @@ _HEIGHT_COLUMNS: Final = (
     "h_m", "height", "h", "z", "elevation", "elev", "height_m", "alt", "標高", "altitude", "elevation_m", "z_m",
     "altitude_m", "alt_m", "orthometric height", "orthometric_height", "höhe", "hoehe", *_ELLIPSOIDAL,
 )  # fmt: skip
-_SIGMA_COLUMNS: Final = (
+_DEVIATION_COLUMNS: Final = (
     ("sigma_e_m", "sigma_e", "sd_e", "easting rms"),
     ("sigma_n_m", "sigma_n", "sd_n", "northing rms"),
     ("sigma_h_m", "sigma_h", "sd_h", "elevation rms"),
@@ -247,7 +247,7 @@ def _names(table: TextTable) -> list[str]:
 
 
 def _sigmas(table: TextTable) -> FloatArray:
-    found = [_first_filled(table, names) for names in _SIGMA_COLUMNS]
+    found = [_first_filled(table, names) for names in _DEVIATION_COLUMNS]
     unknown = np.full(len(table.lines), np.nan)
     return np.column_stack([unknown if name is None else table.numbers(name) for name in found])
 
