@@ -11,7 +11,7 @@ from typing import Final
 
 import furrowmap
 from furrowmap.cli.main import attempt
-from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.errors import FurrowmapError, as_furrowmap_error
 from tests.fuzz_sessions.place import Place
 
 WATCHED_S: Final = 0.3
@@ -112,7 +112,8 @@ def do(line: Sequence[str]) -> Outcome:
     Timer(WATCHED_S, stop.set).start()
     try:
         furrowmap.live(line[1], port=None, nmea_port=None, stop=stop)
-    except FurrowmapError as error:
+    except Exception as raised:  # noqa: BLE001
+        error = as_furrowmap_error(raised)
         return error.exit_status, error
     return 0, None
 

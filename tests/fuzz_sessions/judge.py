@@ -86,7 +86,7 @@ def faults(
         for stream in (out, err):
             if text in stream:
                 yield "printed", stream[stream.index(text) :][:2000]
-    if "--json" in line and status == 0:
+    if "--json" in line and status == 0 and line[0] != "live":  # which prints a line for each scan
         try:
             json.loads(out, parse_constant=_no_constant)
         except ValueError as unread:

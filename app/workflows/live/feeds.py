@@ -132,6 +132,7 @@ class FolderFeed:
         self.threads = [
             SupervisedThread(what, partial(self._follow, Followed.of(files[0])), lambda _: None)
             for what, files in (("scanner", recording.lidar), ("GNSS", recording.gnss))
+            if files
         ]
         self._looked_s = -math.inf
         self.status: dict[str, Any] = {}

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Event, Timer
 
 import numpy as np
 import pytest
@@ -163,3 +164,12 @@ def test_a_learned_implement__whose_images_do_not_fit_is_refused(tmp_path: Path)
     with pytest.raises(InputError) as refused:
         load_implement(tmp_path / "implement.npz")
     assert refused.value.code == "implement-unreadable"
+
+
+def test_live__of_a_session_without_a_scanner_ends_when_it_is_stopped(tmp_path: Path) -> None:
+    (tmp_path / "session.toml").write_text(SESSION.replace('boundary = "circle.geojson"', ""))
+    for name in ("gnss.nmea", "states.csv"):
+        (tmp_path / name).write_text("")
+    stop = Event()
+    Timer(0.5, stop.set).start()
+    assert furrowmap.live(tmp_path, port=None, nmea_port=None, stop=stop).scans == 0
