@@ -75,7 +75,7 @@ def straight_line() -> Rings:
 
 
 def spiral() -> Rings:
-    angle = np.linspace(0.0, 2000.0 * np.pi, CORNERS // 5)
+    angle = np.linspace(0.0, 2000.0 * np.pi, CORNERS // 10)
     radius = SIDE_M * angle / angle[-1]
     arm = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
     return [_ring(np.concatenate([arm, 1.0001 * arm[::-1]]))]
