@@ -235,7 +235,7 @@ def batch(
         results: folder of the results, one folder a session; created if it does not exist. Both may be URLs that fsspec
             opens, such as `s3://…`.
         dry_run: look at the sessions, run and write nothing.
-        say: is called with what a user may want to know meanwhile, such as the address of the dashboard.
+        say: is called with what a user may want to know meanwhile, such as the number of workers.
 
     Raises:
         InputError: if a folder does not exist, or holds no session.

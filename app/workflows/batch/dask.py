@@ -182,7 +182,7 @@ def cluster_of_scheduler(address: str, say: Callable[[str], None]) -> Iterator[D
     except (OSError, TimeoutError, ValueError) as error:
         raise FurrowmapError("no-scheduler", address=address, error=error) from None
     try:
-        say(f"Dashboard: {engine.client.dashboard_link}")
+        say(f"{len(engine.client.nthreads())} workers")
         yield engine
     finally:
         engine.close()

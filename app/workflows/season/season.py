@@ -266,7 +266,7 @@ def season(
         results: folders with results of runs in them, as `furrowmap batch` writes them, or results; surfaces that a
             `furrowmap tie` among them has moved replace those of their results.
         out: folder of the season.
-        say: is called with what a user may want to know meanwhile, such as the address of the dashboard.
+        say: is called with what a user may want to know meanwhile, such as the number of workers.
 
     Raises:
         UsageError: if a content is unknown.
