@@ -284,12 +284,24 @@ def kill(thread: SupervisedThread) -> None:
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(Killed))
 
 
+def killed(thread: SupervisedThread, times: int) -> bool:
+    """Whether a thread was ended so many times, by one exception each; it is kept alive, as by a live session.
+
+    An exception that comes to a thread as it ends is lost, and there is another one.
+    """
+    for _ in range(10):
+        kill(thread)
+        if holds(partial(has_ended, thread, times), 2.0):
+            return True
+    return False
+
+
 def has_ended(thread: SupervisedThread, times: int) -> bool:
-    """Whether a thread was ended so many times; it is kept alive meanwhile, as a live session does."""
     thread.ensure()
     return thread.ends >= times
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # a request's thread that was to begin
 def test_promise_26__servers_whose_threads_are_killed_serve_again() -> None:
     lines = Hub()
     for server, works in (
@@ -299,8 +311,7 @@ def test_promise_26__servers_whose_threads_are_killed_serve_again() -> None:
         port = int(server.server_address[1])
         assert holds(lambda works=works, port=port: works(port))  # type: ignore[misc]
         for ends in range(1, 4):
-            kill(server.thread)
-            assert holds(partial(has_ended, server.thread, ends), 10.0)
+            assert killed(server.thread, ends)
             assert "Killed" in server.thread.cause
             fault = thread_fault(server.thread)
             assert fault is not None

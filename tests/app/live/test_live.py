@@ -44,13 +44,13 @@ if TYPE_CHECKING:
 
 
 def events(answer: HTTPResponse) -> Iterator[tuple[str, Any]]:
-    """The events of a stream, by name."""
+    """The events of a stream, by name, but for those that keep the connection open."""
     name = ""
     for line in answer:
         field, _, value = line.decode().strip().partition(": ")
         if field == "event":
             name = value
-        elif field == "data":
+        elif field == "data" and name != "alive":
             yield name, json.loads(value)
 
 

@@ -84,8 +84,9 @@ def sending(ports: tuple[int, int, int]) -> Iterator[Callable[[], int]]:
 
 
 def recorder_threads(before: set[threading.Thread]) -> dict[str, threading.Thread]:
-    """Threads that were started since and are not the test's, by their names."""
-    return {each.name: each for each in threading.enumerate() if each not in before and not each.name.endswith("test")}
+    """Threads that run since and are not the test's, by their names."""
+    since = [each for each in threading.enumerate() if each not in before and each.ident is not None]
+    return {each.name: each for each in since if not each.name.endswith("test")}
 
 
 def in_captures(folder: Path, number: int) -> bool:
@@ -126,8 +127,6 @@ class Killer:
 
     def _kill_one(self, name: str, sent: Callable[[], int]) -> None:
         count = len(self.alarms)
-        waited_for(lambda: name in recorder_threads(self.before), 10.0)
-        kill(recorder_threads(self.before)[name])
 
         def is_said() -> bool:
             of_it = [each for each in status_of(self.folder).get("threads", []) if each["name"] == name]
@@ -135,7 +134,16 @@ class Killer:
             in_status = bool(of_it) and of_it[0]["ends"] > 0 and "Killed" in of_it[0]["cause"]
             return in_status and f"thread {name}: ended" in log and len(self.alarms) > count
 
-        self.said_s[name] = waited_for(is_said, SAID_WITHIN_S + LOADED_S)
+        for attempt in range(3):
+            waited_for(lambda: name in recorder_threads(self.before), 10.0)
+            kill(recorder_threads(self.before)[name])
+            try:
+                self.said_s[name] = waited_for(is_said, SAID_WITHIN_S + LOADED_S)
+                break
+            except AssertionError:
+                ended = any(each["ends"] for each in status_of(self.folder).get("threads", []) if each["name"] == name)
+                if attempt == 2 or ended:  # an exception that comes to a thread between two attempts may be lost
+                    raise
         later = sent() + 20
         waited_for(lambda: in_captures(self.folder, later), 20.0)
 
