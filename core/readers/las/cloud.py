@@ -34,6 +34,7 @@ from furrowmap.core.readers.las.laz import (
 )
 from furrowmap.core.readers.las.points import TIME_SAMPLE, CloudBatch, TimeKind, clock_of, layout, unpack
 from furrowmap.core.readers.las.tables import E57_SIGNATURE, TABLE_HEADER_BYTES, PointTable, read_table
+from furrowmap.core.readers.las.vertical_keys import heights_by_keys, heights_differ, tells_more, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import las_time_to_utc
@@ -53,16 +54,21 @@ def stated_crs(
 ) -> tuple[pyproj.CRS | None, tuple[Notice, ...]]:
     """The CRS that the records state; None if they state none, or none that PROJ understands.
 
-    If there are both WKT and GeoTIFF keys, the kind that the header announces is used.
+    If there are both WKT and GeoTIFF keys, the kind that the header announces is used; of the other are heights where
+    only that states them.
     """
     notices: list[Notice] = []
     texts = [r.data for r in records if (r.user, r.number) == (_USER_ID, _WKT) and r.data.strip(b"\0 ")]
     keys = {r.number: r.data for r in reversed(records) if r.user == _USER_ID and r.number in (_KEYS, _DOUBLES, _TEXTS)}
     by_text = next(filter(None, (_from_wkt(path, text, notices) for text in texts)), None)
     by_keys = _from_keys(path, keys, notices)
+    heights, odd = heights_by_keys(path.name, _short_keys(keys), by_keys)
+    notices += odd
+    if by_keys is not None and heights is not None and not (by_keys.is_compound and by_keys.sub_crs_list[1] == heights):
+        by_keys = with_heights(by_keys, heights)
     first, second = (by_text, by_keys) if header.crs_is_wkt else (by_keys, by_text)
+    kinds = ("WKT", "GeoTIFF keys") if header.crs_is_wkt else ("GeoTIFF keys", "WKT")
     if first is not None and second is not None and not _same(first, second, header):
-        kinds = ("WKT", "GeoTIFF keys") if header.crs_is_wkt else ("GeoTIFF keys", "WKT")
         notices.append(
             Notice(
                 "crs-contradiction",
@@ -73,7 +79,16 @@ def stated_crs(
                 kinds_other=kinds[1],
             )
         )
-    return first or second, tuple(notices)
+        return first, tuple(notices)
+    found = first or second
+    other = second.sub_crs_list[1] if second is not None and second.is_compound else heights
+    if found is None or other is None:
+        return found, tuple(notices)
+    if found.is_compound:
+        notices += heights_differ(path.name, found.sub_crs_list[1], other, kinds)
+    elif len(found.axis_info) == 2 and tells_more(found, other):
+        found = with_heights(found, other)
+    return found, tuple(notices)
 
 
 def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | None:
@@ -98,11 +113,7 @@ def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | No
 
 def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> pyproj.CRS | None:
     """The CRS of GeoTIFF keys. GDAL reads it from a TIFF of one pixel: it knows user-defined CRS, units, old codes."""
-    directory = records.get(_KEYS, b"")
-    entries = struct.iter_unpack(
-        "<4H", directory[8 : 8 + (len(directory) - 8) // 8 * 8] if len(directory) >= 8 else b""
-    )
-    keys = {key: value for key, place, _, value in entries if place == 0}
+    keys = _short_keys(records)
     if keys.get(_PROJECTED) or keys.get(_GEOGRAPHIC):
         import rasterio
         from rasterio.errors import RasterioError
@@ -124,6 +135,15 @@ def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> 
         return None
     notices.append(Notice("crs-unreadable", path=path.name))
     return None
+
+
+def _short_keys(records: dict[int, bytes]) -> dict[int, int]:
+    """The GeoTIFF keys that have one number, such as a code."""
+    directory = records.get(_KEYS, b"")
+    entries = struct.iter_unpack(
+        "<4H", directory[8 : 8 + (len(directory) - 8) // 8 * 8] if len(directory) >= 8 else b""
+    )
+    return {key: value for key, place, _, value in entries if place == 0}
 
 
 def _pixel(records: dict[int, bytes]) -> bytes:
