@@ -256,16 +256,23 @@ def read_raster(path: Path) -> Any:
     import pyproj
 
     from furrowmap.core.readers.geotiff import open_geotiff
+    from furrowmap.core.readers.raster_heights import height_scale
     from furrowmap.core.runtime.memory import expect_memory
 
-    with open_geotiff(path, _no_raster, with_heights=False) as source:
+    with open_geotiff(path, _no_raster) as source:
         if source.crs is None:
             raise _no_raster(path, "has no CRS")
         expect_memory(path, source.width * source.height * np.dtype(source.dtypes[0]).itemsize)
+        if source.transform.b or source.transform.d:
+            raise _no_raster(path, "has rotated or sheared cells")
+        scale = height_scale(source, path)
         array = source.read(1)
-        if source.nodata is not None:
+        if not scale.plain:
+            array = scale.heights_m(source.read(1, masked=True))
+        elif source.nodata is not None:
             array = np.where(array == source.nodata, np.float32(np.nan), array)
-        raster = Raster(array, source.transform, pyproj.CRS.from_wkt(source.crs.to_wkt()))
+        crs = pyproj.CRS.from_wkt(source.crs.to_wkt())
+        raster = Raster(array, source.transform, crs.sub_crs_list[0] if crs.is_compound else crs)
     try:
         import xarray
     except ImportError:

@@ -112,6 +112,7 @@ BOUNDARIES = {
     "rasterio": [
         *(
             "core.readers.geotiff",
+            "core.readers.raster_heights",
             "core.readers.raster_neighbours",
             "core.readers.las.cloud",
             "core.readers.ouster.osf",

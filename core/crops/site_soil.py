@@ -27,7 +27,7 @@ from furrowmap.core.crops.soil import (
     without_crop,
 )
 from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
-from furrowmap.core.readers.geotiff import expect_heights, open_geotiff
+from furrowmap.core.readers.raster_heights import HeightRaster, open_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.surfaces.gaps import filled
@@ -85,12 +85,11 @@ def sample_surroundings(surroundings: Sequence[SoilCells], least: int) -> list[S
 
 @dataclass(frozen=True)
 class SoilRaster:
-    """An open raster whose first band is heights; `change` is from the map to its CRS, None where they agree."""
+    """An open raster of heights; `change` is from the map to its CRS, None where they agree."""
 
     path: Path
-    dataset: Any
+    raster: HeightRaster
     change: CrsChange | None
-    unit_m: float
 
     def heights_m(self, xy_m: FloatArray, side_m: float) -> FloatArray:
         """Mean heights (n,) of the squares of a side around positions (n, 2) on the map.
@@ -100,16 +99,17 @@ class SoilRaster:
         if not len(xy_m):
             return np.zeros(0)
         x, y = xy_m.T if self.change is None else self.change.points(xy_m).T
-        a, b, c, d, e, f = (~self.dataset.transform)[:6]
+        dataset = self.raster.dataset
+        a, b, c, d, e, f = (~dataset.transform)[:6]
         column, row = a * x + b * y + c - 0.5, d * x + e * y + f - 0.5
-        size = max(1, 2 * int(0.5 * side_m / float(np.mean(self.dataset.res))) + 1)
+        size = max(1, 2 * int(0.5 * side_m / float(np.mean(dataset.res))) + 1)
         left, top = int(np.floor(column.min())) - size, int(np.floor(row.min())) - size
         right, bottom = int(np.ceil(column.max())) + size + 1, int(np.ceil(row.max())) + size + 1
-        window = ((max(top, 0), min(bottom, self.dataset.height)), (max(left, 0), min(right, self.dataset.width)))
+        window = ((max(top, 0), min(bottom, dataset.height)), (max(left, 0), min(right, dataset.width)))
         out = np.full(len(x), np.nan)
         if window[0][0] >= window[0][1] or window[1][0] >= window[1][1]:
             return out
-        cells = np.ma.filled(self.dataset.read(1, window=window, masked=True).astype(np.float64), np.nan)
+        cells = self.raster.read_m(*window)
         known = np.isfinite(cells)
         if not known.any():
             return out
@@ -120,7 +120,7 @@ class SoilRaster:
             for values in (known.astype(np.float64), np.where(known, cells - base, 0.0))
         )
         enough = share >= 0.25
-        out[enough] = (base + total[enough] / share[enough]) * self.unit_m
+        out[enough] = base + total[enough] / share[enough]
         return out
 
 
@@ -134,14 +134,11 @@ def open_soil_raster(path: Path, target: CRS, box_m: tuple[float, float, float, 
     def unusable(path: Path, why: str) -> InputError:
         return InputError("soil-unusable", path=path, why=why)
 
-    with open_geotiff(path, unusable) as raster:
-        expect_heights(raster, path, unusable)
-        whole = CRS.from_wkt(raster.crs.to_wkt())
-        flat, height = whole.sub_crs_list[:2] if whole.is_compound else (whole, None)
+    with open_heights(path, unusable) as raster:
+        flat = raster.crs.sub_crs_list[0] if raster.crs.is_compound else raster.crs
         own = target.sub_crs_list[0].to_2d() if target.is_compound else target.to_2d()
         change = None if own.equals(flat.to_2d(), ignore_axis_order=True) else crs_change(own, flat, box_m)
-        unit_m = float(height.axis_info[0].unit_conversion_factor) if height is not None else 1.0
-        yield SoilRaster(path, raster, change, unit_m)
+        yield SoilRaster(path, raster, change)
 
 
 @dataclass(frozen=True)
@@ -153,6 +150,7 @@ class SurveyedSoil:
         around: bare soil of the points less that of the survey, near each parcel.
         offset_m: that for parcels without bare soil nearby: the median of the others.
         offset_sigma_m: standard deviation of it; nan where there is bare soil at no parcel.
+        notices: about the survey's heights.
     """
 
     name: str
@@ -160,6 +158,7 @@ class SurveyedSoil:
     around: SoilAround
     offset_m: float
     offset_sigma_m: float
+    notices: tuple[Notice, ...] = ()
 
     def under(self, parcel: Parcel) -> SoilPatch | None:
         """The soil under the net parcel; None where the survey does not cover it."""
@@ -204,7 +203,7 @@ def align_survey(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[st
         chance = around.covariance.cell_m / math.sqrt(float(known.sum()))
         level = filled(height.reshape(nodes.shape)) + offset.height_m
         patches[parcel.id] = nodes.patch(level, math.hypot(offset.sigma_m, chance))
-    return SurveyedSoil(raster.path.name, patches, around, offset_m, sigma_m)
+    return SurveyedSoil(raster.path.name, patches, around, offset_m, sigma_m, raster.raster.scale.notices)
 
 
 @dataclass(frozen=True)
@@ -217,10 +216,11 @@ class SiteSoil:
 
     @property
     def notices(self) -> list[Notice]:
-        """A warning where nothing shows the offset of another survey."""
-        if isinstance(self.soil, SoilAround) or math.isfinite(self.soil.offset_sigma_m):
+        """Warnings about the heights of another survey, and where nothing shows its offset."""
+        if isinstance(self.soil, SoilAround):
             return []
-        return [Notice("soil-not-aligned", name=self.soil.name)]
+        known = math.isfinite(self.soil.offset_sigma_m)
+        return [*self.soil.notices, *([] if known else [Notice("soil-not-aligned", name=self.soil.name)])]
 
     def plain(self) -> dict[str, Any]:
         """As reports have it."""

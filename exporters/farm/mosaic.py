@@ -17,6 +17,7 @@ from rasterio.vrt import WarpedVRT
 
 from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
 from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.readers.raster_heights import plain_heights
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
@@ -92,8 +93,9 @@ def write_mosaic(
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
     changed = [surface for surface in surfaces if not same_map(surface.crs, target)]
     changes = [crs_change(horizontal(one.crs), horizontal(target), one.bounds_m) for one in changed]
-    notices = tuple(dict.fromkeys(notice for change in changes for notice in change.notices))
-    if output.suffix == VIRTUAL and (mean or not exact):
+    told = [*(one.scale.notices for one in surfaces), *(change.notices for change in changes)]
+    notices = tuple(dict.fromkeys(notice for some in told for notice in some))
+    if output.suffix == VIRTUAL and (mean or not exact or not all(one.scale.plain for one in surfaces)):
         raise RefusedError("mosaic-virtual", output=output.name, has_mean=bool(mean))
     grid = enclosing([grid_in(surface, target, cell_m) for surface in surfaces])
     records = rooted_records([(surface.path, surface.path.parent.parent) for surface in surfaces], progress)
@@ -190,13 +192,14 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float) -> Iterator[OpenSurfa
     grid = grid_in(surface, crs, cell_m)
     with open_geotiff(surface.path, unusable) as raster:
         if _fits(surface, crs, cell_m):
-            yield OpenSurface(surface.path, raster, grid)
+            yield OpenSurface(surface.path, raster, grid, scale=None if surface.scale.plain else surface.scale)
             return
         coarser = cell_m > MIN_MEAN_RATIO * surface.cell_m
         options = warp_options(surface, crs, grid)
         with (
-            WarpedVRT(raster, resampling=Resampling.average if coarser else Resampling.bilinear, **options) as warped,
-            WarpedVRT(raster, resampling=Resampling.nearest, **options) as nearest,
+            plain_heights(raster, surface.scale, surface.path) as plain,
+            WarpedVRT(plain, resampling=Resampling.average if coarser else Resampling.bilinear, **options) as warped,
+            WarpedVRT(plain, resampling=Resampling.nearest, **options) as nearest,
         ):
             yield OpenSurface(surface.path, warped, grid, None if coarser else nearest)
 

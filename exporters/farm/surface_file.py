@@ -4,7 +4,7 @@ import datetime as dt
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +14,7 @@ from rasterio.errors import RasterioError
 from rasterio.transform import Affine
 
 from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.readers.raster_heights import HeightScale, height_scale
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
@@ -33,8 +34,9 @@ class SurfaceFile:
         bounds_m: west, south, east, north.
         grid: its cells; None where their edges are not multiples of the cell size from the CRS's 0, 0.
         bands: description and unit of each, the height first.
-        nodata: of each band; None for no such value.
+        nodata: of each band; None for no such value, or where `scale` changes the numbers.
         span_s: UTC of the first and the last measurement; None where unknown.
+        scale: what the numbers of the first band mean.
     """
 
     path: Path
@@ -45,6 +47,7 @@ class SurfaceFile:
     bands: tuple[Band, ...]
     nodata: float | None
     span_s: tuple[float, float] | None
+    scale: HeightScale
 
 
 def surface_file(path: Path) -> SurfaceFile:
@@ -59,7 +62,8 @@ def surface_file(path: Path) -> SurfaceFile:
             Band(description or f"band {i}", unit or "", 0)
             for i, (description, unit) in enumerate(zip(raster.descriptions, raster.units, strict=True), start=1)
         )
-        crs = CRS.from_wkt(raster.crs.to_wkt())
+        scale = height_scale(raster, path)
+        assert scale.crs is not None
         west, north = raster.bounds.left / width, raster.bounds.top / width
         anchored = max(abs(west - round(west)), abs(north - round(north))) <= _OFF_CELLS
         grid = Grid(width, round(west), round(north), raster.shape) if anchored else None
@@ -67,17 +71,24 @@ def surface_file(path: Path) -> SurfaceFile:
         with suppress(KeyError, ValueError):
             first, last = (dt.datetime.fromisoformat(raster.tags()[name]) for name in ("TIME_START", "TIME_END"))
             span_s = first.timestamp(), last.timestamp()
-        return SurfaceFile(path.resolve(), crs, width, tuple(raster.bounds), grid, bands, raster.nodata, span_s)
+        if scale.unit_m != 1.0:
+            bands = (replace(bands[0], unit="m"), *bands[1:])
+        nodata = raster.nodata if scale.plain else None
+        return SurfaceFile(path.resolve(), scale.crs, width, tuple(raster.bounds), grid, bands, nodata, span_s, scale)
 
 
 @dataclass(frozen=True)
 class OpenSurface:
-    """An open surface in the cells of a grid: its own, or resampled; `nearest` masks the cells of a bilinear one."""
+    """An open surface in the cells of a grid: its own, or resampled; `nearest` masks the cells of a bilinear one.
+
+    `scale` is that of the numbers of its first band; None where they are heights in metres.
+    """
 
     path: Path
     raster: Any
     grid: Grid
     nearest: Any = None
+    scale: HeightScale | None = None
 
     def read(self, part: Grid, band: int = 1) -> Float32Array:
         """A band, by default the heights, on the cells of `part`: nan beside the raster, and without such a band."""
@@ -92,6 +103,9 @@ class OpenSurface:
             options = {"window": window(shared, self.grid), "masked": True, "out_dtype": "float32"}
             try:
                 values = self.raster.read(list(bands), **options).filled(np.nan)
+                if self.scale is not None and 1 in bands:
+                    numbers = self.raster.read(1, window=options["window"], masked=True)
+                    values[list(bands).index(1)] = self.scale.heights_m(numbers)
                 if self.nearest is not None:
                     values[:, np.isnan(self.nearest.read(bands[0], **options).filled(np.nan))] = np.nan
             except RasterioError as error:
@@ -105,7 +119,7 @@ def open_surface(file: SurfaceFile) -> Iterator[OpenSurface]:
     """Open a surface whose cells are anchored."""
     assert file.grid is not None
     with open_geotiff(file.path, unusable) as raster:
-        yield OpenSurface(file.path, raster, file.grid)
+        yield OpenSurface(file.path, raster, file.grid, scale=None if file.scale.plain else file.scale)
 
 
 def warp_options(file: SurfaceFile, crs: CRS, grid: Grid) -> dict[str, Any]:

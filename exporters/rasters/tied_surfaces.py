@@ -21,6 +21,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.dates.pair_tie import GroundPair, PairTie
 from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.readers.raster_heights import plain_heights
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
@@ -111,7 +112,8 @@ def resample_surface(file: SurfaceFile, grid: Grid) -> Iterator[OpenSurface]:
     """Open a surface on other cells of its CRS, bilinear."""
     with (
         open_geotiff(file.path, unusable) as raster,
-        WarpedVRT(raster, resampling=Resampling.bilinear, **warp_options(file, file.crs, grid)) as warped,
+        plain_heights(raster, file.scale, file.path) as plain,
+        WarpedVRT(plain, resampling=Resampling.bilinear, **warp_options(file, file.crs, grid)) as warped,
     ):
         yield OpenSurface(file.path, warped, grid)
 

@@ -199,8 +199,11 @@ def _find_ties(work: _Work, progress: Progress) -> None:
 
 
 def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
-    """What could not be tied, and what contradicts itself."""
-    dates, first, found = work.dates, work.first, []
+    """What the surfaces' heights are, what could not be tied, and what contradicts itself."""
+    dates, first = work.dates, work.first
+    told = [] if work.reference is None else [work.reference.notices]
+    told += [surface.scale.notices for date in dates for surface in (date.after, date.before)]
+    found = list(dict.fromkeys(notice for some in told for notice in some))
     alone = [date.name for k, date in enumerate(dates) if (net.group == net.group[first + k]).sum() == 1]
     if alone:
         found.append(Notice("tie-none", alone=len(alone), dates=len(dates), alone_list=", ".join(alone)))
@@ -445,13 +448,15 @@ def off_touched_ground(touched: BaseGeometry, things: Upright) -> Upright:
 class Reference:
     """What dates are moved onto: a surface on their cells, or points.
 
-    `sigma`: (6,) standard deviations of its own place, height, tilts and turn; `sigma_m`: of a point that states none.
+    `sigma`: (6,) standard deviations of its own place, height, tilts and turn; `sigma_m`: of a point that states none;
+    `notices`: about the heights of a surface.
     """
 
     path: Path
     surface: OpenSurface | None
     sigma: FloatArray
     sigma_m: float | None
+    notices: tuple[Notice, ...] = ()
 
 
 def open_reference(
@@ -473,7 +478,7 @@ def open_reference(
     surface = stack.enter_context(resample_surface(file, grid))
     sigma = np.full(6, _SURE)
     sigma[2] = max(sigma_m, _SURE)
-    return Reference(path, surface, sigma, None)
+    return Reference(path, surface, sigma, None, file.scale.notices)
 
 
 def reference_tie(

@@ -14,7 +14,7 @@ from furrowmap.core.crops.parcel_points import USUAL_NOISE_M, ParcelPoints
 from furrowmap.core.crops.parcels import inset_parcel
 from furrowmap.core.crops.published import grown_region
 from furrowmap.core.crops.response import column_words, dose_name, dose_unit, fit_response, parcel_doses
-from furrowmap.core.crops.site_soil import SoilRaster, soil_around
+from furrowmap.core.crops.site_soil import open_soil_raster, soil_around
 from furrowmap.core.crops.soil import (
     MIN_SOIL_CELLS,
     HeightCovariance,
@@ -113,8 +113,7 @@ def test_soil_rasters__have_no_heights_beside_or_without_them(tmp_path: Path) ->
         heights = np.full((8, 8), 3.0, np.float32)
         heights[:, 4:] = -9999.0
         raster.write(heights, 1)
-    with rasterio.open(path) as dataset:
-        soil = SoilRaster(path, dataset, None, 1.0)
+    with open_soil_raster(path, MAP, (0.0, 0.0, 8.0, 8.0)) as soil:
         assert len(soil.heights_m(np.zeros((0, 2)), 1.0)) == 0
         assert np.isnan(soil.heights_m(np.array([[100.0, 100.0], [101.0, 100.0]]), 1.0)).all()
         assert np.isnan(soil.heights_m(np.array([[7.5, 4.5]]), 1.0)).all()
