@@ -32,6 +32,7 @@ from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.file_signatures import binary_kind
+from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file, name_of
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
 
@@ -281,7 +282,7 @@ def read_parameters(path: Path) -> ParameterFile:
     try:
         if path.stat().st_size > MAX_PARAMETER_BYTES:
             raise _unreadable(path, f"it has {path.stat().st_size:,} bytes")
-        content = path.read_bytes()
+        content = read_plain_bytes(path)
     except OSError as error:
         raise _unreadable(path, error.strerror or "cannot be read") from None
     if (kind := binary_kind(content)) is not None:

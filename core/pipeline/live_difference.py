@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.runtime.file_names import found_beside
+from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.trajectory import ScanPoses
 
@@ -48,7 +49,7 @@ def live_difference(folder: Path, crs: str, poses: ScanPoses, run_m2: float | No
     """
     try:
         (log,) = found_beside(folder, LIVE_LOG)
-        head, *lines = log.read_text("utf-8").splitlines()
+        head, *lines = read_plain_text(log).splitlines()
         if json.loads(head)["crs"] != crs:
             return None
     except (OSError, ValueError, KeyError, TypeError):

@@ -13,6 +13,7 @@ import shapely
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.plain_reads import open_plain, read_plain_text
 
 FIELD, BOUNDARY = "Field.txt", "Boundary.txt"
 PARTS: Final = (b"$FieldDir", b"$Boundary", b"$RecPath", b"$Contour")
@@ -25,7 +26,7 @@ _FLAGS: Final = ("true", "false")
 def is_field_folder(path: Path) -> bool:
     """Whether a folder is that of a field of AgOpenGPS."""
     try:
-        with (path / FIELD).open("rb") as file:
+        with open_plain(path / FIELD) as file:
             return PARTS[0] in file.read(256)
     except OSError:
         return False
@@ -74,7 +75,7 @@ def _lines(path: Path, unreadable: Callable[[str], InputError]) -> list[str]:
     try:
         if path.stat().st_size > _MAX_FIELD_BYTES:
             raise unreadable(f"{path.name} is larger than a field's")
-        return [line.strip() for line in path.read_text("utf-8-sig", "replace").splitlines() if line.strip()]
+        return [line.strip() for line in read_plain_text(path, "utf-8-sig", "replace").splitlines() if line.strip()]
     except OSError as error:
         raise unreadable(f"{path.name}: {error.strerror}") from None
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.sqlite_file import SQLITE_MAGIC, check_sqlite
 from furrowmap.core.runtime.file_names import leads_out
 from furrowmap.core.runtime.memory import expect_disk
+from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 
 FLATGEOBUF_MAGIC: Final = b"fgb"
@@ -86,7 +87,7 @@ def _for_one_driver(path: Path) -> Iterator[Path]:
 @contextmanager
 def _named(path: Path) -> Iterator[Path]:
     """A path of the file for which GDAL has one driver, that of the file's first bytes; a copy where it needs one."""
-    with path.open("rb") as file:
+    with open_plain(path) as file:
         head = file.read(64)
     if head.startswith(SHAPEFILE_MAGIC):
         with scratch_directory() as folder:

@@ -270,7 +270,8 @@ def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, parts, offset
         if kind == 1:
             if size < 20:
                 return n, pos, DAMAGE
-            return n, pos, CONTROL
+            if interfaces < len(links):  # further ones are passed over, and packets of theirs are damage
+                return n, pos, CONTROL
         if kind == 6:  # enhanced packet
             if size < 32:
                 return n, pos, DAMAGE
@@ -446,6 +447,8 @@ class Capture:
                     *found,
                     counts,
                 )
+            if why == CONTROL and not count and self._control_block():
+                continue  # a file may consist of them; what was counted is kept for the next time
             self.records += int(counts.sum())
             counts[FRAGMENT] += self._parts.used[2]
             self.skipped.update({SKIPPED[i]: n for i, n in enumerate(counts.tolist()) if SKIPPED[i] and n})
@@ -522,8 +525,7 @@ class Capture:
                     return False
         else:
             size = self._number(self._data[self._pos + 4 : self._pos + 8])
-            if self._interfaces < _MAX_INTERFACES:
-                self._add_interface(self._data[self._pos : self._pos + size])
+            self._add_interface(self._data[self._pos : self._pos + size])
         self._pos += size
         return True
 

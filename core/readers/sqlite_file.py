@@ -19,8 +19,14 @@ MAX_SCHEMA_BYTES: Final = 10_000_000
 MAX_VIEW_STEPS: Final = 50_000_000
 """Instructions of SQLite's virtual machine that all stored queries of a file may take: about two seconds."""
 _STEPS_A_CALL: Final = 100_000
-_SIDECARS: Final = ("-journal", "-wal", "-shm")
-_MODULE: Final = re.compile(r"\bUSING\s+[\"'`\[]?(\w+)", re.IGNORECASE)
+SIDECARS: Final = ("-journal", "-wal", "-shm")
+"""Ends of the names of the files that SQLite keeps beside a database."""
+_NAME: Final = r"""(?:"(?:[^"]|"")*"|'(?:[^']|'')*'|`(?:[^`]|``)*`|\[[^\]]*\]|[\w$]+)"""
+_MODULE: Final = re.compile(
+    rf"\s*CREATE\s+VIRTUAL\s+TABLE\s+(?:IF\s+NOT\s+EXISTS\s+)?(?:{_NAME}\s*\.\s*)?{_NAME}\s*USING\s+[\"'`\[]?(\w+)",
+    re.IGNORECASE,
+)
+"""The module of a virtual table; a name may hold the words, too."""
 _SPATIAL_INDEX: Final = "rtree"
 _ENDLESS_WORDS: Final = re.compile(r"\b(SELECT|WITH)\b", re.IGNORECASE)
 _JOURNAL_MAGIC: Final = bytes.fromhex("d9d505f920a163d7")
@@ -41,7 +47,7 @@ def check_sqlite(path: Path) -> None:
 
     Stored queries (views) are allowed as far as they end soon.
     """
-    for end in _SIDECARS:
+    for end in SIDECARS:
         if Path(f"{path}{end}").is_symlink():
             raise ValueError(f"its file '{path.name}{end}' is a link")
     if names_second_file(Path(f"{path}-journal")):
@@ -73,8 +79,8 @@ def check_triggers(database: sqlite3.Connection) -> None:
 
 def is_plain_table(database: sqlite3.Connection, name: str) -> bool:
     """Whether a name is that of a table: no stored query, and no virtual one."""
-    row = database.execute("SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?", (name,)).fetchone()
-    return row is not None and not _is_virtual(str(row[0]))
+    row = database.execute("SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = ?", (name,)).fetchone()
+    return row is not None and bool(row[0])  # a virtual table has no pages of its own
 
 
 @contextmanager
@@ -104,11 +110,11 @@ def _check(path: Path, state: tuple[int, ...]) -> None:  # noqa: ARG001 (a file 
         (schema_bytes,) = database.execute("SELECT total(length(sql)) FROM sqlite_master").fetchone()
         if schema_bytes > MAX_SCHEMA_BYTES:
             raise ValueError(f"its tables are described in {schema_bytes:,.0f} bytes")
-        entries = database.execute("SELECT type, name, sql FROM sqlite_master").fetchall()
-        tables = [str(name) for kind, name, _ in entries if kind == "table"]
-        for kind, name, sql in entries:
-            if kind == "table" and _is_virtual(str(sql)):
-                found = _MODULE.search(str(sql))
+        entries = database.execute("SELECT type, name, sql, rootpage FROM sqlite_master").fetchall()
+        tables = [str(name) for kind, name, _, _ in entries if kind == "table"]
+        for kind, name, sql, root_page in entries:
+            if kind == "table" and not root_page:
+                found = _MODULE.match(str(sql))
                 module = found[1] if found is not None else "?"
                 if module.lower() != _SPATIAL_INDEX:
                     raise ValueError(f"it has the virtual table '{name}' of the module '{module}'")
@@ -118,11 +124,7 @@ def _check(path: Path, state: tuple[int, ...]) -> None:  # noqa: ARG001 (a file 
             if computed:
                 raise ValueError(f"its table '{name}' computes the column '{computed[0]}'")
         _check_pages(database)
-        _check_views(database, [str(name) for kind, name, _ in entries if kind == "view"])
-
-
-def _is_virtual(sql: str) -> bool:
-    return re.match(r"\s*CREATE\s+VIRTUAL\b", sql, re.IGNORECASE) is not None
+        _check_views(database, [str(name) for kind, name, _, _ in entries if kind == "view"])
 
 
 def _check_pages(database: sqlite3.Connection) -> None:

@@ -27,6 +27,7 @@ from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_laye
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_signatures import binary_kind
+from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.crs import crs_of_file
 
@@ -258,9 +259,7 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     archive unpacks to far more than its size.
     """
     try:
-        if path.exists() and not path.is_file():
-            raise unreadable("it is no file")
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             head = file.read(4096)
         size = path.stat().st_size
     except OSError as error:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.plain_reads import open_plain
 
 VIDEO_SUFFIXES: Final = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mts", ".webm"})
 _BOXES: Final = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip")
@@ -23,7 +24,7 @@ class Video:
     def __init__(self, path: Path) -> None:
         import cv2
 
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             head = file.read(377)
         # FFmpeg opens playlists as well, which name other files and addresses
         is_stream = (head[:1] == b"\x47" and head[188:189] == b"\x47") or head[4:5] == head[196:197] == b"\x47"

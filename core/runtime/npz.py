@@ -10,6 +10,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.memory import expect_growth, expect_memory
+from furrowmap.core.runtime.plain_reads import expect_plain_file
 
 MAX_ARRAYS: Final = 1000
 
@@ -23,6 +24,7 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
         RefusedError: if its content is implausibly large for the file, or takes more than half of the free memory.
     """
     try:
+        expect_plain_file(path)
         archive = zipfile.ZipFile(path)
     except (zipfile.BadZipFile, NotImplementedError, UnicodeDecodeError) as error:
         raise ValueError(str(error)) from None

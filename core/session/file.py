@@ -17,6 +17,7 @@ from msgspec.inspect import is_struct_type
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_signatures import TEXT_HEAD_BYTES, binary_kind
+from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.session.camera import camera_faults
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
 from furrowmap.core.values.machine import MachineImplement
@@ -157,7 +158,7 @@ def load_session(path: Path) -> Session:
 def read_session_text(path: Path) -> str:
     """The text of a session file. Raises InputError if it cannot be read or is no text, of which little is read."""
     try:
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             head = file.read(TEXT_HEAD_BYTES)
             content = head if binary_kind(head) else head + file.read()
     except IsADirectoryError:

@@ -11,6 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.session.file import FURTHER, MAX_PLACE_M, apart, implement_faults, parse_toml, together
 from furrowmap.core.values.machine import (
     MACHINE_SCHEMA,
@@ -43,7 +44,7 @@ class LearnedMounting:
 def load_machine(path: Path) -> Machine:
     """Load a machine's profile. Raises InputError if it is unreadable, or has an unknown key or an invalid value."""
     try:
-        return parse_machine(path.read_text(encoding="utf-8"), str(path))
+        return parse_machine(read_plain_text(path), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             "machine-unreadable", path=path, error=getattr(error, "strerror", None) or "not UTF-8 text"

@@ -16,6 +16,7 @@ import msgspec
 from msgspec import Meta
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.plain_reads import read_plain_text
 
 Vector3: TypeAlias = tuple[float, float, float]
 Box: TypeAlias = tuple[float, float, float, float, float, float]
@@ -594,7 +595,7 @@ PACKAGED: Final = ("demo", "road", "flight")
 def load_scenario(path: Path) -> Scenario:
     """Load a scenario file; InputError if it cannot be read, is not TOML, or has an unknown key or an invalid value."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_plain_text(path)
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise InputError("scenario-unreadable", path=path, why=why) from None

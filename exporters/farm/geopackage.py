@@ -19,6 +19,7 @@ from pyproj import CRS
 from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.readers.sqlite_file import check_sqlite, check_triggers
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.farm.edit import (
@@ -52,7 +53,7 @@ def check_farm_map(path: Path) -> None:
     """Check that the file at `path` is a farm map of this version, and not locked by another program."""
     if path.is_dir():
         raise _not_a_farm_map(path, "is a folder")
-    with path.open("rb") as file:
+    with open_plain(path) as file:
         if file.read(len(_SQLITE_MAGIC)) != _SQLITE_MAGIC:
             raise _not_a_farm_map(path, "is not a GeoPackage")
     try:

@@ -21,6 +21,7 @@ from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.readers.ogr_layers import layer_info, list_layers
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out
+from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.result_folder import (
@@ -262,7 +263,7 @@ def read_tasks(path: Path, zone: ZoneInfo | None = None) -> list[SessionResult]:
         if not all("task" in layer.columns for layer in layers.values()):
             raise _no_tasks(path, "was not written by `furrowmap fields`")
         crs = crs_of_file(layer_info(path, TRAJECTORY)["crs"])
-        figures, digest = layers.pop(FIELDS_LAYER), hashlib.sha256(path.read_bytes()).hexdigest()
+        figures, digest = layers.pop(FIELDS_LAYER), hashlib.sha256(read_plain_bytes(path)).hexdigest()
         results = []
         for task in figures.rows():
             own = {name: _features_of(layer, "task", str(task["task"]), "field") for name, layer in layers.items()}

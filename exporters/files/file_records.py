@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.progress import Progress, silent
 
 _HASHED_BYTES: Final = 4 << 20
@@ -32,7 +33,7 @@ def rooted_records(rooted: Sequence[tuple[Path, Path]], progress: Progress = sil
     total, done = sum(file.stat().st_size for file, _ in files), 0
     for path, root in files:
         digest, begun = hashlib.sha256(), done
-        with path.open("rb") as stream:
+        with open_plain(path) as stream:
             while block := stream.read(_HASHED_BYTES):
                 digest.update(block)
                 done += len(block)

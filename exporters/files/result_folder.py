@@ -15,9 +15,11 @@ import numpy as np
 import shapely
 
 from furrowmap.core.readers.ogr_layers import list_layers
+from furrowmap.core.readers.sqlite_file import SIDECARS
 from furrowmap.core.readers.vector_file import VectorLayer, read_vector_layer
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.runtime.file_names import inside
+from furrowmap.core.runtime.plain_reads import expect_plain_file, read_plain_bytes
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import recover, refuse_products
 
@@ -228,10 +230,15 @@ def result_origin(report: dict[str, Any], name: str = "") -> Origin:
 def open_result(folder: Path) -> ResultFolder:
     """Open a result; raises InputError if there is none or it cannot be read, RefusedError while a run is writing."""
     recover(folder)
-    for name in (REPORT, FIELD):
-        inside(folder, name, folder)
+    for name in (*RUN_PRODUCTS, *(f"{FIELD}{suffix}" for suffix in SIDECARS)):
+        path = inside(folder, name, folder)
+        try:
+            if path.exists():
+                expect_plain_file(path)
+        except OSError as error:
+            raise unreadable(path, error) from None
     try:
-        report = msgspec.json.decode((folder / REPORT).read_bytes(), type=dict[str, Any])
+        report = msgspec.json.decode(read_plain_bytes(folder / REPORT), type=dict[str, Any])
         msgspec.convert(report, _Report)
     except (FileNotFoundError, NotADirectoryError):
         raise InputError("no-result", folder=folder) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing, suppress
@@ -10,7 +11,13 @@ from pathlib import Path
 import pytest
 
 import furrowmap
+from furrowmap.core.geodesy.projection import read_parameters
+from furrowmap.core.readers.ogr_layers import list_layers
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
+from furrowmap.core.runtime.npz import read_npz
+from furrowmap.core.session.file import load_session
+from furrowmap.core.session.machine import load_machine
+from furrowmap.workflows.live.background import open_background
 from tests.core.readers.driver_signatures import signatures
 from tests.core.readers.watched_files import bait_beside
 from tests.exporters.farm.result_folders import write_result
@@ -50,6 +57,39 @@ def test_promise_23__a_product_of_another_driver_opens_nothing_else(product: str
                 if bait.taken():
                     taken.append((driver, command))
     assert taken == []
+
+
+WAIT_FOR_EVER = ("report.json", "session.toml", "field.gpkg", "field.gpkg-wal", "dsm.tif")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+@pytest.mark.parametrize("product", WAIT_FOR_EVER)
+def test_promise_23__a_product_that_is_a_pipe_is_refused_at_once(product: str, tmp_path: Path) -> None:
+    result = write_result(tmp_path / "result")
+    (result / product).unlink(missing_ok=True)
+    os.mkfifo(result / product)
+    for command, run in COMMANDS.items():
+        (tmp_path / command).mkdir()
+        with pytest.raises(InputError, match="it is no file"):
+            run(result, tmp_path / command)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+def test_promise_23__other_files_that_are_pipes_are_refused_at_once(tmp_path: Path) -> None:
+    """Opening one of them to be read would not end."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for read in (
+        lambda: load_session(pipe),
+        lambda: furrowmap.farm_map_sessions(pipe),
+        lambda: list_layers(pipe),
+        lambda: open_background(pipe),
+        lambda: read_parameters(pipe),
+        lambda: load_machine(pipe),
+        lambda: read_npz(pipe),
+    ):
+        with pytest.raises((FurrowmapError, OSError), match="pipe"):
+            read()
 
 
 def test_promise_23__a_result_whose_layers_are_stored_queries_is_refused_at_once(tmp_path: Path) -> None:

@@ -40,6 +40,7 @@ from furrowmap.core.readers.las.tables import POINT_SIGNATURES
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
+from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.surfaces.grid import Grid
@@ -361,7 +362,7 @@ def soil_source(
 
 
 def _is_cloud(path: Path) -> bool:
-    with path.open("rb") as file:
+    with open_plain(path) as file:
         return file.read(16).startswith((SIGNATURE, *POINT_SIGNATURES))
 
 

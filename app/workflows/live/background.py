@@ -15,6 +15,7 @@ import numpy as np
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.sqlite_file import limited_steps
 from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.plain_reads import open_plain
 
 TILE_KINDS: Final = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}
 MAX_ZOOM: Final = 24
@@ -67,7 +68,7 @@ def open_background(path: Path) -> BackgroundMap:
         RefusedError: if it is a PMTiles file and the package to read it is not installed.
     """
     try:
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             head = file.read(16)
         if head.startswith(b"SQLite format 3"):
             found, first = _mbtiles(path)

@@ -28,6 +28,7 @@ from furrowmap.core.runtime.arrays import release
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.packed import packed, unpacked
+from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user, threads, using, using_threads
 from furrowmap.core.session.opened import OpenSession, open_session
@@ -196,7 +197,7 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
         return None
     inputs = file_records(opened.inputs.all, opened.file.resolve().parent, progress)
     try:
-        earlier = json.loads((folder / REPORT).read_text(encoding="utf-8"))
+        earlier = json.loads(read_plain_text(folder / REPORT))
         same = _recordings(earlier["session"], earlier["inputs"]) == _recordings(
             msgspec.to_builtins(opened.session), plain(inputs)
         )

@@ -11,6 +11,7 @@ import msgspec
 
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.file_names import is_file_name, is_portable_name
+from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.machine import load_machine, machine_of, machine_text
 from furrowmap.core.session.opened import resolve
@@ -86,7 +87,7 @@ def _with_copies(machine: Machine, source: Path, target: Path | None, before: Ma
     for tool in machine.implements:
         learned = kept.get((tool.name, tool.kind))
         if tool.learned is not None and target is not None:
-            content = resolve(source, tool.learned).read_bytes()
+            content = read_plain_bytes(resolve(source, tool.learned))
             learned = re.sub(r'[<>:"/\\|?*]', "_", f"{target.stem}{tool.name and ', '}{tool.name}.npz")
             make_folder(target.parent)
             with atomic_output(target.with_name(learned)) as unfinished:

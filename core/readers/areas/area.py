@@ -21,6 +21,7 @@ from furrowmap.core.readers.text_table import number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, VECTOR_FORMATS, Polygons, Unreadable, read_polygons
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
@@ -32,7 +33,7 @@ _DEGREE_PAIRS: Final = (("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "l
 def _is_corner_table(path: Path) -> bool:
     """Whether a file is a text whose first line names columns of coordinates."""
     try:
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             head = file.read(4096).lstrip(b"\xef\xbb\xbf")
     except OSError:
         return False

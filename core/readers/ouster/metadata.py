@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.file_names import found_beside
+from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.values.scan import MAX_LASERS, Clock
 
 LEGACY: Final = "LEGACY"
@@ -303,7 +304,7 @@ def metadata_beside(path: Path) -> tuple[list[Metadata], list[str]]:
     for other in texts[:_MAX_FILES]:
         try:
             if other.stat().st_size <= _MAX_BYTES:
-                metadata = Metadata.parse(other.read_text("utf-8-sig"), other.name)
+                metadata = Metadata.parse(read_plain_text(other, "utf-8-sig"), other.name)
                 if metadata is not None:
                     found.append(metadata)
         except (OSError, ValueError) as error:

@@ -53,6 +53,7 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.iteration import close, concluded
 from furrowmap.core.runtime.memory import expect_growth
+from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.runtime.write_errors import writing_scratch
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.clock import iso_utc
@@ -364,7 +365,7 @@ class BagFiles:
     def _names_in_metadata(self, file: Path) -> list[str]:
         """The files that metadata.yaml names; none, with a notice, if it is missing or damaged."""
         try:
-            text = file.read_text(encoding="utf-8", errors="replace")
+            text = read_plain_text(file, errors="replace")
         except OSError as error:
             self.notices.append(Notice("bag-no-metadata", file=file, reason=error.strerror))
             return []

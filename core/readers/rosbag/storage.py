@@ -30,6 +30,7 @@ from furrowmap.core.readers.source import Source
 from furrowmap.core.readers.sqlite_file import is_plain_table, names_second_file
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.memory import expect_disk, expect_growth
+from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.clock import iso_utc
 
@@ -514,7 +515,7 @@ class Db3Storage(BagStorage):
 
     def _note_missing_pages(self, database: Path) -> None:
         """Compare the size with the header's (sqlite.org/fileformat.html, 1.3.7), which SQLite does only if need be."""
-        with database.open("rb") as file:
+        with open_plain(database) as file:
             header = file.read(100)
         page_bytes = int.from_bytes(header[16:18], "big")
         pages = int.from_bytes(header[28:32], "big") if header[24:28] == header[92:96] else 0

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import found_beside
+from furrowmap.core.runtime.plain_reads import read_plain_text
 
 _LARGEST_BYTES: Final = 1 << 16
 _APART_DEG: Final = 1.0
@@ -40,7 +41,7 @@ class AngleTable:
         """
         if path.stat().st_size > _LARGEST_BYTES:
             return None
-        lines = path.read_text("utf-8", errors="replace").lower().lstrip("\ufeff").splitlines()
+        lines = read_plain_text(path, errors="replace").lower().lstrip("\ufeff").splitlines()
         heading = next((i for i, line in enumerate(lines[:3]) if "elevation" in line and "azimuth" in line), None)
         if heading is None:
             return None

@@ -136,6 +136,11 @@ COMPUTING = {
     "stored query 'pairs'": "CREATE VIEW pairs AS SELECT count(*) FROM fields a, fields b, fields c",
     "not authorized": "CREATE VIEW noise AS SELECT randomblob(1000000000)",
     "virtual table 'text'": "CREATE VIRTUAL TABLE text USING fts5(x)",
+    "virtual table 'text using rtree'": 'CREATE VIRTUAL TABLE "text using rtree" USING fts5(x)',
+    "virtual table 'remarked'": (
+        "INSERT INTO sqlite_master VALUES ('table', 'remarked', 'remarked', 0, "
+        "'CREATE/**/VIRTUAL TABLE remarked USING VirtualOGR(''/etc/passwd'')')"
+    ),
     "virtual table 'other'": (
         "INSERT INTO sqlite_master VALUES ('table', 'other', 'other', 0, "
         "'CREATE VIRTUAL TABLE other USING VirtualOGR(''/etc/passwd'')')"
