@@ -57,6 +57,7 @@ MAY_IMPORT = {
     "furrowmap.core.simulator": [
         "furrowmap.core.simulator",
         "furrowmap.core.runtime.errors",
+        "furrowmap.core.runtime.plain_reads",
         "furrowmap.core.runtime.progress",
     ],
     # The pipeline composes the rooms, but not the simulator, nor what judges its results.

@@ -21,9 +21,9 @@ MAX_VIEW_STEPS: Final = 50_000_000
 _STEPS_A_CALL: Final = 100_000
 SIDECARS: Final = ("-journal", "-wal", "-shm")
 """Ends of the names of the files that SQLite keeps beside a database."""
-_NAME: Final = r"""(?:"(?:[^"]|"")*"|'(?:[^']|'')*'|`(?:[^`]|``)*`|\[[^\]]*\]|[\w$]+)"""
+_TABLE_NAME: Final = r"""(?:"(?:[^"]|"")*"|'(?:[^']|'')*'|`(?:[^`]|``)*`|\[[^\]]*\]|[\w$]+)"""
 _MODULE: Final = re.compile(
-    rf"\s*CREATE\s+VIRTUAL\s+TABLE\s+(?:IF\s+NOT\s+EXISTS\s+)?(?:{_NAME}\s*\.\s*)?{_NAME}\s*USING\s+[\"'`\[]?(\w+)",
+    rf"\s*CREATE\s+VIRTUAL\s+TABLE\s+(?:IF\s+NOT\s+EXISTS\s+)?(?:{_TABLE_NAME}\s*\.\s*)?{_TABLE_NAME}\s*USING\s+[\"'`\[]?(\w+)",
     re.IGNORECASE,
 )
 """The module of a virtual table; a name may hold the words, too."""
