@@ -1,7 +1,8 @@
 """GeoTIFFs of any software, opened without trusting what they state."""
 
+import struct
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +16,10 @@ from furrowmap.core.values.crs import crs_of_file
 
 HEIGHT_BAND_NAME: Final = "height"
 """Name of the first band of furrowmap's surfaces, and of none of its other rasters."""
+
+_BIG_TIFF: Final = 43
+_KEY_DIRECTORY: Final = 34735
+_MOST_TAGS: Final = 4096
 
 
 @contextmanager
@@ -52,6 +57,27 @@ def open_geotiff(
             yield raster
     except (RasterioError, CRSError, ProjError, ValueError) as error:
         raise unusable(path, f"cannot be read as a GeoTIFF ({' '.join(str(error).split())[:200]})") from None
+
+
+def short_keys(path: Path) -> dict[int, int]:
+    """The GeoTIFF keys of a file that have one number, such as a code; none where its first directory is damaged."""
+    with path.open("rb") as file, suppress(struct.error, KeyError, OverflowError, OSError):
+        order, kind = struct.unpack("2s2s", file.read(4))
+        end = {b"II": "<", b"MM": ">"}[order]
+        big = struct.unpack(f"{end}H", kind)[0] == _BIG_TIFF
+        file.seek(8 if big else 4)
+        word, count = (f"{end}Q", f"{end}Q") if big else (f"{end}I", f"{end}H")
+        file.seek(struct.unpack(word, file.read(struct.calcsize(word)))[0])
+        tags = struct.unpack(count, file.read(struct.calcsize(count)))[0]
+        entry = f"{end}HHQQ" if big else f"{end}HHII"
+        for _ in range(min(tags, _MOST_TAGS)):
+            tag, _, numbers, place = struct.unpack(entry, file.read(struct.calcsize(entry)))
+            if tag == _KEY_DIRECTORY and 4 <= numbers <= _MOST_TAGS:
+                file.seek(place)
+                directory = struct.unpack(f"{end}{numbers}H", file.read(2 * numbers))
+                keys = zip(*(iter(directory[4 : 4 + (numbers - 4) // 4 * 4]),) * 4, strict=True)
+                return {key: value for key, where, _, value in keys if where == 0}
+    return {}
 
 
 def expect_heights(raster: Any, path: Path, unusable: Callable[[Path, str], InputError]) -> None:

@@ -13,7 +13,8 @@ import numpy as np
 from pyproj import CRS
 from pyproj.database import get_units_map
 
-from furrowmap.core.readers.geotiff import HEIGHT_BAND_NAME, expect_heights, open_geotiff
+from furrowmap.core.readers.geotiff import HEIGHT_BAND_NAME, expect_heights, open_geotiff, short_keys
+from furrowmap.core.readers.vertical_keys import heights_by_keys, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.memory import expect_disk
@@ -134,7 +135,9 @@ def height_scale(raster: Any, path: Path) -> HeightScale:
     number_scale, offset = float(raster.scales[0]), float(raster.offsets[0])
     if not _may_hold_heights(raster):
         return HeightScale(crs, 1.0, number_scale, offset, (), seen=False, notices=())
+    crs, stated, odd = _in_unit_of_keys(crs, stated, path)
     unit_m, notices = _height_unit(crs, stated, path)
+    notices = [*odd, *notices]
     factor, shift_m = number_scale * unit_m, offset * unit_m
     if unit_m != 1.0:
         notices.append(Notice("heights-in-feet", unit_m=unit_m))
@@ -181,6 +184,22 @@ def _may_hold_heights(raster: Any) -> bool:
     return (raster.descriptions[0] == HEIGHT_BAND_NAME or not ours) and (
         not raster.units[0] or _unit_m(raster.units[0]) is not None
     )
+
+
+def _in_unit_of_keys(crs: CRS | None, stated: str, path: Path) -> tuple[CRS | None, str, tuple[Notice, ...]]:
+    """A compound CRS whose heights have the unit of the file's keys, and the band's unit where it is the file's own.
+
+    GDAL drops the unit of keys beside the code of a vertical CRS, and gives bands without a unit that of the CRS.
+    """
+    if crs is None or not crs.is_compound:
+        return crs, stated, ()
+    heights, odd = heights_by_keys(path.name, short_keys(path), crs)
+    changed = crs if heights is None else with_heights(crs, heights)
+    before_m = vertical_unit_m(crs) or 1.0
+    if math.isclose(before_m, vertical_unit_m(changed) or 1.0, rel_tol=_SAME_FOOT):
+        return crs, stated, ()
+    derived = math.isclose(_unit_m(stated) or before_m, before_m, rel_tol=_SAME_FOOT)
+    return changed, "" if derived else stated, odd
 
 
 def _height_unit(crs: CRS | None, stated: str, path: Path) -> tuple[float, list[Notice]]:

@@ -34,7 +34,7 @@ from furrowmap.core.readers.las.laz import (
 )
 from furrowmap.core.readers.las.points import TIME_SAMPLE, CloudBatch, TimeKind, clock_of, layout, unpack
 from furrowmap.core.readers.las.tables import E57_SIGNATURE, TABLE_HEADER_BYTES, PointTable, read_table
-from furrowmap.core.readers.las.vertical_keys import heights_by_keys, heights_differ, tells_more, with_heights
+from furrowmap.core.readers.vertical_keys import heights_by_keys, heights_differ, tells_more, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import las_time_to_utc

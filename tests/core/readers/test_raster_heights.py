@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -53,6 +55,7 @@ def write(path: Path, transform: Affine = SOUND, **stated: Any) -> Path:
     for hole, corner in zip(stated.get("holes", ()), (np.s_[:4, :4], np.s_[-4:, -4:]), strict=False):
         numbers[corner] = hole
     profile = {"driver": "GTiff", "width": SIDE, "height": SIDE, "count": 1, "dtype": kind.name}
+    profile |= {name: value for name, value in stated.items() if name.isupper()}
     crs = rasterio.CRS.from_user_input(stated.get("crs", "EPSG:26918"))
     with rasterio.open(path, "w", transform=transform, crs=crs, nodata=stated.get("nodata"), **profile) as raster:
         raster.write(numbers.astype(kind), 1)
@@ -243,6 +246,33 @@ def test_rotated_and_sheared_cells__are_honoured_or_refused(tmp_path: Path, turn
     with pytest.raises(InputError, match=r"rotated or sheared|not square and north-up") as refused:
         WAYS[way](path, PLACES)
     assert len(str(refused.value).splitlines()) == 3
+
+
+@pytest.mark.parametrize("big", ["NO", "YES"])
+@pytest.mark.parametrize("endianness", ["LITTLE", "BIG"])
+@pytest.mark.parametrize("way", WAYS)
+def test_unit_of_keys_beside_a_vertical_code__is_converted_and_told(
+    tmp_path: Path, way: str, endianness: str, big: str
+) -> None:
+    path = write(tmp_path / "a.tif", crs="EPSG:26918+6360", unit_m=FEET_US, ENDIANNESS=endianness, BIGTIFF=big)
+    order = ">" if endianness == "BIG" else "<"
+    area, chart, code, changed, unit = (
+        struct.pack(f"{order}4H", key, 0, 1, value)
+        for key, value in ((1025, 1), (3072, 26918), (4096, 6360), (4096, 5703), (4099, 9003))
+    )
+    # GDAL writes no unit beside a code: it takes the place of the citation, the key between those two
+    data, count = re.subn(
+        re.escape(area) + b".{8}" + re.escape(chart + code),
+        area + chart + changed + unit,
+        path.read_bytes(),
+        flags=re.DOTALL,
+    )
+    assert count >= 1
+    path.write_bytes(data)
+    found, notices = WAYS[way](path, PLACES)
+    expect_plane(found)
+    if way != "read_raster":
+        assert {"heights-in-feet", "height-units-differ"} <= {notice.code for notice in notices}
 
 
 def test_two_units__are_told_and_that_of_the_band_counts(tmp_path: Path) -> None:
