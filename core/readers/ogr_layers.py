@@ -6,7 +6,7 @@ driver; all three formats begin with bytes among which no text is found, in whic
 """
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.sqlite_file import SQLITE_MAGIC, check_sqlite
+from furrowmap.core.readers.text_encoding import decoded, known_page
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.file_names import leads_out
 from furrowmap.core.runtime.memory import expect_disk
 from furrowmap.core.runtime.plain_reads import open_plain
@@ -27,6 +29,13 @@ LAYER_MAGIC: Final = (SQLITE_MAGIC, FLATGEOBUF_MAGIC, SHAPEFILE_MAGIC)
 _FLATGEOBUF: Final = (b"fgb\x03fgb", 7)
 """Bytes of the format's version 3, before that of the patch."""
 _SHAPEFILE_PARTS: Final = (".shp", ".shx", ".dbf", ".prj", ".cpg")
+_STATED_PAGE: Final = ".page"
+_LANGUAGES: Final = {
+    0x01: "437", 0x02: "850", 0x03: "1252", 0x13: "932", 0x26: "866", 0x4D: "936", 0x4E: "949", 0x4F: "950",
+    0x64: "852", 0x65: "866", 0x78: "950", 0x79: "949", 0x7A: "936", 0x7B: "932", 0x7C: "874", 0xC8: "1250",
+    0xC9: "1251", 0xCA: "1254", 0xCB: "1253",
+}  # fmt: skip
+"""Code pages by the language byte of a .dbf. That for 'ANSI', 0x57, stands for whatever the writer's system used."""
 _MAX_TEXT_PART: Final = 1_000_000
 _SHX_HEADER: Final = 100
 MAX_CELLS: Final = 50_000_000
@@ -64,6 +73,8 @@ def read_layer_arrays(
         if features > size or cells > max(size, MAX_CELLS):
             raise ValueError(f"it states {features:,} features with {len(about['fields'])} fields in {size:,} bytes")
         meta, _, wkb, columns = _pyogrio().raw.read(named, layer=layer, datetime_as_string=times_as_text)
+        if _is_shp(named):
+            meta["fields"], columns, meta["notices"] = _in_code_page(path, named, meta["fields"], columns)
         return meta, wkb, columns
 
 
@@ -116,6 +127,39 @@ def _named(path: Path) -> Iterator[Path]:
         yield copy
 
 
+def _in_code_page(
+    path: Path, named: Path, names: Sequence[str], columns: list[NDArray[Any]]
+) -> tuple[NDArray[np.object_], list[NDArray[Any]], list[Notice]]:
+    """Names and columns of a Shapefile, whose bytes GDAL was told are Latin-1, in its code page."""
+    texts = [k for k, column in enumerate(columns) if column.dtype == object]
+    cells = [str(name) for name in names]
+    for k in texts:
+        cells += [cell for cell in columns[k] if isinstance(cell, str)]
+    stated = _stated_code_page(named)
+    page = known_page(stated)
+    found = decoded([cell.encode("latin-1") for cell in cells], page)
+    if found is None:
+        return np.array(names, object), columns, [Notice("code-page.none", path=path.name)]
+    renewed = iter(found.texts)
+    fields = np.array([next(renewed) for _ in names], object)
+    new = list(columns)
+    for k in texts:
+        new[k] = np.array([next(renewed) if isinstance(cell, str) else cell for cell in columns[k]], object)
+    if stated and found.page != page and found.example:
+        return fields, new, [found.notice("code-page.wrong", path.name, stated=stated)]
+    return fields, new, [found.notice("code-page.layer", path.name)] if found.open else []
+
+
+def _stated_code_page(named: Path) -> str:
+    """What the .cpg says, else the language of the .dbf; empty if neither does."""
+    copied = named.with_suffix(_STATED_PAGE)
+    if copied.is_file() and (text := copied.read_text("latin-1").strip("\ufeffï»¿ \t\r\n\0")):
+        return text[:40]
+    table = named.with_suffix(".dbf")
+    head = table.read_bytes()[:30] if table.is_file() else b""
+    return _LANGUAGES.get(head[29], "") if len(head) == 30 else ""
+
+
 def _parts(path: Path) -> list[Path]:
     return [part for end in _SHAPEFILE_PARTS if (part := path.with_suffix(end)).is_file()] if _is_shp(path) else [path]
 
@@ -141,6 +185,10 @@ def _copied_shapefile(path: Path, folder: Path) -> Path:
             raise ValueError(f"its file '{part.name}' has {size:,} bytes")
         expect_disk(part, folder, size)
         shutil.copyfile(part, target)
+    stated = folder / "layer.cpg"
+    if stated.exists():
+        stated.rename(stated.with_suffix(_STATED_PAGE))
+    stated.write_text("ISO-8859-1")  # each byte as it is, see `_in_code_page`
     _check_index(folder / "layer.shx", (folder / "layer.shp").stat().st_size)
     return folder / "layer.shp"
 

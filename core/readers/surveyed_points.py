@@ -186,7 +186,7 @@ def _rows_of_layer(path: Path) -> _SurveyRows:
     xyz: FloatArray = np.column_stack([part(single) for part in (shapely.get_x, shapely.get_y, shapely.get_z)])
     column = _first_filled(table, _HEIGHT_COLUMNS)
     xyz[:, 2], about = _heights(path, xyz[:, 2], column, table.numbers(column)[feature] if column else None)
-    return _SurveyRows(labels, xyz, _sigmas(table)[feature], crs=layer.crs, notices=(*notices, *about))
+    return _SurveyRows(labels, xyz, _sigmas(table)[feature], crs=layer.crs, notices=(*notices, *layer.notices, *about))
 
 
 def _heights(

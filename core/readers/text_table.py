@@ -4,7 +4,7 @@ import csv
 import re
 import zipfile
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path, PurePosixPath
@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.readers.las.decoder import Decoder, Undecodable
+from furrowmap.core.readers.text_encoding import decoded
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import binary_kind
@@ -68,10 +69,12 @@ _BYTES_PER_UNPACKED: Final = 40
 _MOST_CELLS: Final = 1_000_000
 _PADDED_TIMES: Final = 10
 """Cells of short rows that are filled up, and those for each cell that is there."""
-_ENCODINGS: Final = ("utf-8-sig", "cp932")
-"""Without a byte order mark: UTF-8, or Shift-JIS from Japanese spreadsheets."""
+_SEPARATOR_LINE: Final = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
+"""The first line of tables that tell spreadsheets their separator."""
 _SEPARATORS: Final = ",;\t"
 _UNIT: Final = re.compile(r"\s*[(\[（].*?[)\]）]\s*$")
+_DECIMAL_POINT: Final = re.compile(r"\s*[+-]?\d+\.\d+\s*")
+_THOUSANDS: Final = re.compile(r"\s*[+-]?\d{1,3},\d{3}\s*")
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?\d+,\d+\s*")
 
 
@@ -117,12 +120,17 @@ def number_or_text(text: str) -> float | str | None:
         return text or None
 
 
+def is_separator_line(line: str) -> bool:
+    """Whether the first line of a table only tells its separator, as spreadsheets write it: `sep=;`."""
+    return _SEPARATOR_LINE.fullmatch(line.strip()) is not None
+
+
 def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
     """A table in a text file, without comments (#); the error of `unreadable` if it cannot be read or is no table."""
     try:
         if not path.is_file() and path.exists():  # reading a pipe would wait for ever
             raise unreadable("it is no file")
-        return _parse_table(path.read_bytes())
+        return _parse_table(path)
     except (ValueError, OSError) as error:
         raise unreadable(_reason(error)) from None
 
@@ -142,7 +150,7 @@ def read_sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable
         if size > MAX_SHEET_BYTES:
             raise unreadable(f"{size:,} bytes is too large for a table of a trial")
         if not head.startswith((ZIP, _OLE)):
-            return _parse_table(path.read_bytes())
+            return _parse_table(path)
         if head.startswith(ZIP):
             try:
                 with zipfile.ZipFile(path) as archive:
@@ -173,13 +181,18 @@ def _table_of(rows: list[list[str]], lines: list[int], *, decimal_comma: bool) -
     return TextTable(columns, lines, decimal_comma)
 
 
-def _parse_table(content: bytes) -> TextTable:
-    lines = [(k, line) for k, line in enumerate(_decoded(content).splitlines(), start=1)]
+def _parse_table(path: Path) -> TextTable:
+    content, notices = _decoded(path)
+    lines = [(k, line) for k, line in enumerate(content.splitlines(), start=1)]
     lines = [(k, line) for k, line in lines if line.strip() and not line.startswith("#")]
     if not lines:
         raise ValueError("it is empty")
     head = lines[0][1]
-    separator = max(_SEPARATORS, key=head.count)
+    told = _SEPARATOR_LINE.fullmatch(head.strip())
+    if told is not None and len(lines) > 1:
+        lines = lines[1:]
+        head = lines[0][1]
+    separator = max(_SEPARATORS, key=head.count) if told is None else told[1]
     if separator not in head:
         raise ValueError("its first line has no comma, semicolon or tab")
     text = StringIO("\n".join(line for _, line in lines))
@@ -187,24 +200,35 @@ def _parse_table(content: bytes) -> TextTable:
         rows = list(csv.reader(text, delimiter=separator, skipinitialspace=True))
     except csv.Error as error:  # such as a cell without an end
         raise ValueError(f"it is no table of cells ({error})") from None
-    comma = separator != "," and any(_DECIMAL_COMMA.fullmatch(cell) for row in rows[1:] for cell in row)
-    return _table_of(rows, [k for k, _ in lines[1 : len(rows)]], decimal_comma=comma)
+    table = _table_of(
+        rows, [k for k, _ in lines[1 : len(rows)]], decimal_comma=_has_decimal_commas(rows[1:], separator)
+    )
+    return replace(table, notices=tuple(notices))
 
 
-def _decoded(content: bytes) -> str:
+def _has_decimal_commas(rows: list[list[str]], separator: str) -> bool:
+    """Whether cells have commas for points; between commas they are quoted, and may be of thousands instead."""
+    cells = [cell for row in rows for cell in row if _DECIMAL_COMMA.fullmatch(cell)]
+    if separator != "," or not cells:
+        return bool(cells)
+    points = any(_DECIMAL_POINT.fullmatch(cell) for row in rows for cell in row)
+    return not points and not all(_THOUSANDS.fullmatch(cell) for cell in cells)
+
+
+def _decoded(path: Path) -> tuple[str, list[Notice]]:
+    """The text of a file, and a notice where it leaves its code page open."""
+    content = path.read_bytes()
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
-            return content.decode("utf-16")
+            return content.decode("utf-16"), []
         except UnicodeDecodeError:
             raise ValueError("it begins as text in UTF-16, but is none") from None
     if (kind := binary_kind(content)) is not None:
         raise ValueError(f"it is {kind}, not text")
-    for encoding in _ENCODINGS:
-        try:
-            return content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-    raise ValueError("its text is neither UTF-8 nor Shift-JIS")
+    found = decoded(content.removeprefix(b"\xef\xbb\xbf").split(b"\n"))
+    if found is None:
+        raise ValueError("its text is neither UTF-8 nor Shift-JIS nor Windows-1252")
+    return "\n".join(found.texts), [found.notice("code-page", path.name)] if found.open else []
 
 
 def _sheet_rows(path: Path) -> list[list[str]]:

@@ -46,6 +46,7 @@ class VectorLayer:
     shapes: NDArray[np.object_]
     columns: dict[str, NDArray[Any]]
     crs: CRS | None
+    notices: tuple[Notice, ...] = ()
 
     def __len__(self) -> int:
         return len(self.shapes)
@@ -64,7 +65,9 @@ class VectorLayer:
 
     def where(self, kept: Any) -> "VectorLayer":
         """The features that an index, a mask or a slice selects, in its order."""
-        return VectorLayer(self.shapes[kept], {k: values[kept] for k, values in self.columns.items()}, self.crs)
+        return VectorLayer(
+            self.shapes[kept], {k: values[kept] for k, values in self.columns.items()}, self.crs, self.notices
+        )
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """The fields of each feature as Python's own types, times with their zone; None where a field is empty."""
@@ -92,7 +95,7 @@ def read_vector_layer(path: Path, name: str | None = None, *, times_as_text: boo
         raise ValueError(f"{'its first layer' if name is None else name} is a table without geometries")
     columns = dict(zip(map(str, about["fields"]), data, strict=True))
     crs = crs_of_file(about["crs"]) if about["crs"] else None
-    return VectorLayer(np.asarray(shapely.from_wkb(wkb), object), columns, crs)
+    return VectorLayer(np.asarray(shapely.from_wkb(wkb), object), columns, crs, tuple(about.get("notices", ())))
 
 
 POINT_LAYERS: Final = ("Point",)
@@ -336,4 +339,6 @@ def _by_gdal(path: Path) -> Polygons:
     polygons = layer.where(kept)
     shapes = tuple(shapely.force_2d(polygons.shapes))
     others = len(layer) - len(shapes)
-    return Polygons(shapes, tuple(polygons.rows()), layer.crs or CRS.from_epsg(4326), others, tuple(notices))
+    return Polygons(
+        shapes, tuple(polygons.rows()), layer.crs or CRS.from_epsg(4326), others, (*notices, *layer.notices)
+    )

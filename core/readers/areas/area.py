@@ -3,6 +3,7 @@
 The polygons may be a table of corners, too (CSV: id, e_m, n_m or lon_deg, lat_deg).
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.areas.repair import workable
 from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
-from furrowmap.core.readers.text_table import number_or_text, read_table
+from furrowmap.core.readers.text_table import is_separator_line, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, VECTOR_FORMATS, Polygons, Unreadable, read_polygons
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -34,16 +35,17 @@ def _is_corner_table(path: Path) -> bool:
     """Whether a file is a text whose first line names columns of coordinates."""
     try:
         with open_plain(path) as file:
-            head = file.read(4096).lstrip(b"\xef\xbb\xbf")
+            head = file.read(4096)
     except OSError:
         return False
-    first = head.split(b"\n")[0]
-    if b"\0" in head or first.lstrip()[:1] in (b"{", b"<", b"["):
+    wide = head[:2] in (b"\xff\xfe", b"\xfe\xff")
+    text = head.decode("utf-16", "ignore") if wide else head.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
+    first, *rest = text.split("\n")
+    if rest and is_separator_line(first):
+        first = rest[0]
+    if "\0" in text or first.lstrip()[:1] in ("{", "<", "["):
         return False
-    words = {
-        word.strip().strip('"').casefold()
-        for word in first.decode("latin-1").replace(";", ",").replace("\t", ",").split(",")
-    }
+    words = {word.strip().strip('"').casefold() for word in re.split(r"[,;\t]", first)}
     return any(x in words and y in words for x, y in (*_MAP_PAIRS, *_DEGREE_PAIRS))
 
 
