@@ -272,10 +272,12 @@ def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, parts, offset
                 return n, pos, DAMAGE
             if interfaces < len(links):  # further ones are passed over, and packets of theirs are damage
                 return n, pos, CONTROL
-        if kind == 6:  # enhanced packet
+        if kind == 6 or kind == 2:  # enhanced packet, and the obsolete one: as long, with 16 bits of the interface
             if size < 32:
                 return n, pos, DAMAGE
             interface = _u32(data, pos + 8, big)
+            if kind == 2:
+                interface = interface >> 16 if big else interface & 0xFFFF
             captured = _u32(data, pos + 20, big)
             if captured > size - 32 or interface >= interfaces:
                 return n, pos, DAMAGE
@@ -290,7 +292,7 @@ def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, parts, offset
             counts[why] += 1
             if why == 0:
                 n += 1
-        elif kind == 2 or kind == 3:  # obsolete and simple packets
+        elif kind == 3:  # simple packets, which have no time
             counts[_NO_TIME] += 1
         pos += size
     return n, pos, FULL
@@ -304,7 +306,7 @@ def credible(data, pos, big, ticks, last_s, kind):  # type: ignore[no-untyped-de
         while pos + 12 <= end:
             size = _u32(data, pos + 4, big)
             if (
-                _u32(data, pos, big) == 6
+                (_u32(data, pos, big) == 6 or _u32(data, pos, big) == 2)
                 and 32 <= size <= MAX_FRAME
                 and size % 4 == 0
                 and (pos + size > end or _u32(data, pos + size - 4, big) == size)

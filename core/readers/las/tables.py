@@ -226,7 +226,13 @@ def _pcd(data: bytes) -> PointTable:
     coding = stated["DATA"][0].lower()
     if coding not in ("ascii", "binary", "binary_compressed"):
         raise ValueError(f"DATA {coding} is unknown")
+    for line in ("FIELDS", "SIZE", "TYPE", "POINTS"):
+        if not stated.get(line):
+            raise ValueError(f"it has no line {line}")
     names = stated["FIELDS"]
+    for line in ("SIZE", "TYPE", "COUNT"):
+        if line in stated and len(stated[line]) != len(names):
+            raise ValueError(f"{line} has {len(stated[line])} entries for {len(names)} FIELDS")
     counts = [int(count) for count in stated.get("COUNT", ["1"] * len(names))]
     kinds = [kind.upper() + size for kind, size in zip(stated["TYPE"], stated["SIZE"], strict=True)]
     if not set(kinds) <= _PCD_TYPES:
@@ -244,6 +250,9 @@ def _ply(data: bytes) -> PointTable:
         raise ValueError("its first element is not vertex")
     end = elements[1][0] if len(elements) > 1 else len(lines)
     properties = [words for words in lines[elements[0][0] : end] if words[:1] == ["property"]]
+    lists = [words[-1] for words in properties if words[1:2] == ["list"]]
+    if lists:
+        raise ValueError(f"its vertices have lists ({', '.join(lists)}), whose rows have no fixed length")
     fields = [(words[2], order + _PLY_TYPES[words[1]], 1) for words in properties]
     return PointTable("ply", _row(fields), int(elements[0][1][2]), offset, "ascii" if form == "ascii" else "binary")
 

@@ -349,3 +349,29 @@ def test_capture__of_random_bytes_is_read_or_refused(
         found, refused = [], error.code
     assert refused in ("", "damaged-capture")
     assert sum(len(payload) for _, payload in found) <= len(data)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_pcapng__obsolete_packet_blocks_are_read_as_enhanced_ones(tmp_path: Path, order: str) -> None:
+    ng = PcapNg(order)
+    path = tmp_path / "a.pcapng"
+    stamp = int(T0) * 1_000_000
+    packets = []
+    for k in range(3):
+        enhanced = ng.packet(stamp + k, frame(bytes([k])), 1)
+        body = struct.pack(order + "HH", 1, 7) + enhanced[12:-4]
+        packets.append(ng.block(2, body))
+    path.write_bytes(ng.section() + ng.interface() + ng.interface() + b"".join(packets))
+    found, capture = read(path)
+    assert [data for _, data in found] == [b"\0", b"\1", b"\2"]
+    np.testing.assert_allclose([t for t, _ in found], T0 + 1e-6 * np.arange(3), atol=1e-6)
+    assert not capture.skipped
+
+
+def test_sample__of_obsolete_packet_blocks(shared_data: Path) -> None:
+    path = shared_data / "foreign/20-header-words/opb.pcapng"
+    found, capture = read(path)
+    times = [t for t, _ in found]
+    assert 52 + 1280 * len(found) == path.stat().st_size
+    assert not capture.skipped
+    assert times == sorted(times)

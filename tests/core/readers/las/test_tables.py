@@ -140,3 +140,31 @@ def test_damage__is_reported_or_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError) as error:
             opened(tmp_path, data)
         assert all(error.value.lines)
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+         b"property list uchar int view\nend_header\n0 0 0 2 1 1\n", "its vertices have lists (view)"),
+        (PCD.format("x y z a", "4 4 4", "F F F F", n=1, data="ascii").encode(), "SIZE has 3 entries for 4 FIELDS"),
+        (PCD.format("x y z a", "4 4 4 4", "F F F", n=1, data="ascii").encode(), "TYPE has 3 entries for 4 FIELDS"),
+        (PCD.format("x y z", "4 4 4", "F F F\nCOUNT 1 1", n=1, data="ascii").encode(), "COUNT has 2 entries for 3"),
+        (PCD.format("x y z", "4 4 4", "F F F", n=1, data="ascii").replace("SIZE 4 4 4\n", "").encode(), "no line SIZE"),
+    ],
+)  # fmt: skip
+def test_header__that_cannot_be_used_says_which_line(data: bytes, why: str, tmp_path: Path) -> None:
+    path = tmp_path / "points.any"
+    path.write_bytes(data)
+    with pytest.raises(InputError) as raised:
+        open_cloud(path)
+    assert why in raised.value.what
+
+
+@pytest.mark.parametrize(
+    ("name", "why"), [("list.ply", "its vertices have lists (view)"), ("size.pcd", "SIZE has 4 entries for 5 FIELDS")]
+)
+def test_samples__say_what_is_wrong(name: str, why: str, shared_data: Path) -> None:
+    with pytest.raises(InputError) as raised:
+        open_cloud(shared_data / "foreign/20-header-words" / name)
+    assert why in raised.value.what
