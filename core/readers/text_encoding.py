@@ -14,15 +14,15 @@ from typing import Final
 from furrowmap.core.runtime.errors import Notice
 
 UTF_8: Final = "utf-8"
-JAPANESE: Final = "cp932"
-WESTERN: Final = "cp1252"
-_PAGES: Final = (JAPANESE, WESTERN)
+SHIFT_JIS: Final = "cp932"
+WINDOWS_1252: Final = "cp1252"
+_PAGES: Final = (SHIFT_JIS, WINDOWS_1252)
 _JAPANESE_NAMES: Final = ("shiftjis", "sjis", "ms932", "xsjis", "windows31j")
 _MOST_COMPARED: Final = 2000
 """Texts that are compared."""
 _FIRST_RARE_KANJI: Final = 0x98
 """First byte of the rarer of the two levels of kanji (JIS X 0208)."""
-_UNITS: Final = frozenset("°²³µ½¼¾ºª")
+_MARKS_BEHIND_NUMBERS: Final = frozenset("°²³µ½¼¾ºª")
 _QUOTES: Final = {"“": "”", "„": "“", "‘": "’", "«": "»"}
 _SIGNS: Final = frozenset("§€£±×·–—…™®©\u00a0«»“”„‘")
 _SHOWN_CHARACTERS: Final = 30
@@ -53,7 +53,7 @@ def known_page(name: str) -> str | None:
         return None
     plain = name.strip().casefold().removeprefix("ansi ").removeprefix("oem ")
     if re.sub(r"[^a-z0-9]", "", plain) in _JAPANESE_NAMES:
-        return JAPANESE
+        return SHIFT_JIS
     for spelled in (f"cp{plain}", plain, re.sub(r"^(iso)?[ _-]*8859[ _-]*(\d+)$", r"iso8859-\2", plain)):
         try:
             b"a".decode(spelled)
@@ -81,7 +81,7 @@ def decoded(texts: Sequence[bytes], stated: str | None = None) -> Decoded | None
     found = _in_page(texts, page)
     assert found is not None
     # Every text is valid in the single-byte code pages of other languages.
-    return Decoded(found, page, open=len(valid) > 1 or page == WESTERN, example=_first_special(found))
+    return Decoded(found, page, open=len(valid) > 1 or page == WINDOWS_1252, example=_first_special(found))
 
 
 def _first_special(texts: Iterable[str]) -> str:
@@ -99,8 +99,8 @@ def _in_page(texts: Iterable[bytes], page: str) -> list[str] | None:
 
 def _cost(text: bytes, page: str) -> float:
     (characters,) = _in_page([text], page) or [""]
-    cut = 20.0 if page == JAPANESE and len(characters.encode(page)) < len(text) else 0.0
-    cost = _japanese if page == JAPANESE else _western
+    cut = 20.0 if page == SHIFT_JIS and len(characters.encode(page)) < len(text) else 0.0
+    cost = _japanese if page == SHIFT_JIS else _western
     padded = f" {characters} "
     return cut + sum(cost(padded, k) for k in range(1, len(padded) - 1) if not padded[k].isascii())
 
@@ -115,7 +115,7 @@ def _japanese(text: str, k: int) -> float:
     if "\u3000" <= one <= "\u30ff" or "\uff01" <= one <= "\uff5e":
         return 7.0 + 2.0 * letters
     if "\u4e00" <= one <= "\u9fff":
-        rare = one.encode(JAPANESE)[0] >= _FIRST_RARE_KANJI
+        rare = one.encode(SHIFT_JIS)[0] >= _FIRST_RARE_KANJI
         return (18.0 if rare else 11.0) + (4.0 if rare else 2.0) * letters
     if "\ue000" <= one <= "\uf8ff" and not one >= "\uf900":  # for private use
         return 40.0
@@ -131,7 +131,7 @@ def _western(text: str, k: int) -> float:
         return lone + (6.0 if one.isupper() and before.islower() else 0.0)
     if one == "’" and before.isalpha() and after.isalpha():
         return 6.0
-    if one in _UNITS:
+    if one in _MARKS_BEHIND_NUMBERS:
         return 8.0
     if one in _QUOTES and _QUOTES[one] not in text[k:]:
         return 20.0
