@@ -311,12 +311,21 @@ def _write_shapefile(path: Path, layer: VectorLayer) -> None:
     table = replace(layer, columns={short[name]: values for name, values in _with_texts(layer).items()})
     write_vector_layer(path, table, path.stem, "ESRI Shapefile", ENCODING="UTF-8")
     # GDAL reports no error of the last bytes on a full disk, nor of the header that it completes at the end.
+    try:
+        is_whole = _is_whole_shapefile(path, len(layer), len(layer.columns))
+    except Exception:  # noqa: BLE001 (those of GDAL have no family of their own)
+        is_whole = False
+    if not is_whole:
+        raise OSError(errno.EIO, "differs from what was written", str(path))
+
+
+def _is_whole_shapefile(path: Path, features: int, fields: int) -> bool:
+    """Whether a Shapefile has so many features and fields, and its table all rows; any error if it is cut."""
     info = layer_info(path)
     with path.with_suffix(".dbf").open("rb") as file:
         rows, header, row = struct.unpack("<4xIHH", file.read(12))
-        whole = header + rows * row < file.seek(0, os.SEEK_END)
-    if not whole or rows != len(layer) or (info["features"], len(info["fields"])) != (rows, len(layer.columns)):
-        raise OSError(errno.EIO, "differs from what was written", str(path))
+        has_all_rows = header + rows * row < file.seek(0, os.SEEK_END)
+    return has_all_rows and (rows, info["features"], len(info["fields"])) == (features, features, fields)
 
 
 def _shortened(layers: Layers) -> list[Notice]:
