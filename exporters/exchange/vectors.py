@@ -313,6 +313,8 @@ def _write_shapefile(path: Path, layer: VectorLayer) -> None:
     # GDAL reports no error of the last bytes on a full disk, nor of the header that it completes at the end.
     try:
         is_whole = _is_whole_shapefile(path, len(layer), len(layer.columns))
+    except (FurrowmapError, OSError):
+        raise
     except Exception:  # noqa: BLE001 (those of GDAL have no family of their own)
         is_whole = False
     if not is_whole:
