@@ -66,13 +66,12 @@ def keep_kernels() -> None:
 
 def _expect_private(folder: Path) -> None:
     """Take a folder of ours from all others; PermissionError if it is not this user's (on Windows, profiles are)."""
-    if sys.platform == "win32":
-        return
-    found = folder.stat()
-    if found.st_uid != os.geteuid():
-        raise PermissionError(f"{folder} belongs to another user")
-    if found.st_mode & 0o077:
-        folder.chmod(0o700)
+    if sys.platform != "win32":
+        found = folder.stat()
+        if found.st_uid != os.geteuid():
+            raise PermissionError(f"{folder} belongs to another user")
+        if found.st_mode & 0o077:
+            folder.chmod(0o700)
 
 
 def keep_blas_single() -> None:
