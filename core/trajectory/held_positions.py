@@ -41,6 +41,8 @@ ROUNDED_SIGMA: Final = 0.3
 MIN_POSITIONS: Final = 30
 MIN_HELD_PLACES: Final = 3
 MIN_HELD_PLACES_S: Final = 0.4
+FASTEST_MPS: Final = 150.0
+"""Of any vehicle that is measured: aircraft, too."""
 MIN_HELD_PLACES_M: Final = 0.5
 """Places that repeat so often, for so long, while the vehicle goes so far, are held: a receiver at a stand may hold
 them rightly, and goes on from there."""
@@ -129,9 +131,18 @@ def held_places(track: GnssTrack) -> NDArray[np.bool_]:
         known = np.isfinite(speeds).any()
         way_m = float(np.nanmedian(speeds)) * lasts_s if known else M_A_DEGREE * np.hypot(east_deg, north_deg)
         short = end - first < MIN_HELD_PLACES or lasts_s < MIN_HELD_PLACES_S
-        if short or way_m < MIN_HELD_PLACES_M:
+        if short or way_m < MIN_HELD_PLACES_M or _comes_by_jump(track, first - 1):
             held[first:end] = False
     return held if held.mean() < MAX_HELD_SHARE else np.zeros(len(track), np.bool_)
+
+
+def _comes_by_jump(track: GnssTrack, at: int) -> bool:
+    """Whether no vehicle comes to a position from the one before: it is a jump, and stays one where it repeats."""
+    if at < 1:
+        return False
+    north_deg = track.lat_deg[at] - track.lat_deg[at - 1]
+    east_deg = (track.lon_deg[at] - track.lon_deg[at - 1]) * np.cos(np.radians(track.lat_deg[at]))
+    return bool(M_A_DEGREE * np.hypot(east_deg, north_deg) > FASTEST_MPS * (track.t_s[at] - track.t_s[at - 1]))
 
 
 def rounding_m(height_m: FloatArray) -> float:
