@@ -12,6 +12,7 @@ from pyproj.exceptions import CRSError, ProjError
 from furrowmap.core.readers.raster_neighbours import expect_no_links, with_checked_neighbours
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.memory import expect_memory
+from furrowmap.core.runtime.plain_reads import expect_plain_file
 from furrowmap.core.values.crs import crs_of_file
 
 HEIGHT_BAND_NAME: Final = "height"
@@ -40,6 +41,10 @@ def open_geotiff(
     import rasterio
     from rasterio.errors import RasterioError
 
+    try:
+        expect_plain_file(path)
+    except OSError as error:
+        raise unusable(path, f"cannot be read ({error.strerror})") from None
     try:
         # An option of the process: stated either way, and only while the file is opened, which reads the CRS. Held by
         # several open files, with other environments in between, it outlived them all (rasterio 1.4).

@@ -15,7 +15,6 @@ from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import leads_out
 from furrowmap.core.runtime.memory import expect_disk
-from furrowmap.core.runtime.plain_reads import expect_plain_file
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 
 _WORLD_FILES: Final = (".tfw", ".tifw", ".tiffw", ".wld")
@@ -35,10 +34,8 @@ def with_checked_neighbours(path: Path) -> Iterator[tuple[Path, dict[str, Any]]]
     """The path by which GDAL may open a GeoTIFF, and its options meanwhile; a folder of its own where it needs one.
 
     Raises:
-        OSError: if it is a pipe, a socket or a device, or is not there.
         ValueError: if a neighbour is a link to another folder, too large, or no mask.
     """
-    expect_plain_file(path)
     beside = _neighbours(path)
     if not beside:
         yield path, ALONE
