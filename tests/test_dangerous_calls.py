@@ -127,7 +127,7 @@ def test_ruff__looks_for_more_of_it_in_all_of_the_product() -> None:
     assert "S" in rules["select"]
     assert [code for code in rules["ignore"] if code.startswith("S") and code[1:].isdigit()] == ["S101"]
     of_product = {place: codes for place, codes in rules["per-file-ignores"].items() if place.startswith(FOLDERS)}
-    assert {place: [code for code in codes if code.startswith("S")] for place, codes in of_product.items()} == {
+    left_out = {place: [code for code in codes if code.startswith("S")] for place, codes in of_product.items()}
+    assert {place: codes for place, codes in left_out.items() if codes} == {
         "core/simulator/**": ["S311"],  # random numbers that are no secrets
-        "app/settings.py": [],
     }

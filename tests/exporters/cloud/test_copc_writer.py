@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.write_errors import WriteError
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.exporters.cloud.file import CopcFormat
 from furrowmap.exporters.cloud.layers import ChunkColumns
@@ -498,12 +499,12 @@ def test_disk_full__is_told_as_the_system_tells_it(tmp_path: Path) -> None:
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
-        with pytest.raises(OSError) as raised:
+        with pytest.raises(WriteError) as raised:
             write(path, cloud(surface(20_000)))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, ignored)
-    assert (raised.value.strerror, raised.value.filename) == (os.strerror(27), str(path))
+    assert raised.value.what.startswith(f"{path} cannot be written: {os.strerror(27)}")
     assert names(tmp_path) == []
 
 
