@@ -61,7 +61,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if (
             SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ()))
             or any(place.is_relative_to(folder) for folder in SLOW_FOLDERS)
-            or place.stem.endswith(("end_to_end", "tutorial", "two_tools"))
+            or place.stem.endswith(("end_to_end", "tutorial", "two_tools", "lies", "nasty_polygons", "foreign_drivers"))
         ):
             item.add_marker("slow")
     slow_files = {item.path for item in items if item.get_closest_marker("slow")}
