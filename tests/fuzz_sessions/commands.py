@@ -11,7 +11,8 @@ from typing import Final
 
 import furrowmap
 from furrowmap.cli.main import attempt
-from furrowmap.core.runtime.errors import FurrowmapError, as_furrowmap_error
+from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.write_errors import as_furrowmap_error
 from tests.fuzz_sessions.place import Place
 
 WATCHED_S: Final = 0.3
