@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from furrowmap.core.runtime.file_names import found_beside
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 
-MARKS_SUFFIX: Final = ".mrk"
+MARKS_PATTERN: Final = "*.[Mm][Rr][Kk]"
 MAX_MARKS_BYTES: Final = 1 << 25
 FIXED_FROM: Final = 50
 _IMAGE: Final = re.compile(r".*?_(\d{1,5})(?:_[A-Za-z]\w*)*\.\w+", re.ASCII)
@@ -49,8 +50,7 @@ def marks_beside(paths: Sequence[Path]) -> dict[Path, ExposureMark]:
     """
     found: dict[Path, ExposureMark] = {}
     for folder in dict.fromkeys(path.parent for path in paths):
-        files = [file for file in sorted(folder.iterdir()) if file.suffix.casefold() == MARKS_SUFFIX and file.is_file()]
-        tables = {file: read_marks(file) for file in files}
+        tables = {file: read_marks(file) for file in found_beside(folder, MARKS_PATTERN)}
         for path in (path for path in paths if path.parent == folder):
             number = _IMAGE.fullmatch(path.name)
             fitting = [file for file in tables if len(tables) == 1 or _is_of_flight(path, file)]

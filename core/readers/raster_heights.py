@@ -138,7 +138,8 @@ def height_scale(raster: Any, path: Path) -> HeightScale:
     crs, stated, odd = _in_unit_of_keys(crs, stated, path)
     unit_m, notices = _height_unit(crs, stated, path)
     notices = [*odd, *notices]
-    factor, shift_m = number_scale * unit_m, offset * unit_m
+    factor = number_scale * unit_m
+    shift_m = offset * unit_m
     if unit_m != 1.0:
         notices.append(Notice("heights-in-feet", unit_m=unit_m))
     no_heights, seen = _undeclared(raster, factor, shift_m)
@@ -235,7 +236,8 @@ def _undeclared(raster: Any, factor: float, shift_m: float) -> tuple[tuple[float
         return (), []
     ends = (float(np.iinfo(kind).min), float(np.iinfo(kind).max)) if kind.kind in "iu" else ()
     candidates = np.unique([*_NO_HEIGHTS, *ends])
-    low, high = math.inf, -math.inf
+    low = math.inf
+    high = -math.inf
     seen: set[float] = set()
     windows = list(_windows(raster))
     for window in windows[:: max(1, math.ceil(raster.width * raster.height / _LOOKED_AT_CELLS))]:

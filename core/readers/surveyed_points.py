@@ -112,7 +112,8 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     notices = list(rows.notices)
     if not whole.all():
         notices.append(Notice("points-incomplete", path=path.name, whole=int((~whole).sum())))
-    xyz, sigma = rows.xyz[whole], rows.sigma[whole]
+    xyz = rows.xyz[whole]
+    sigma = rows.sigma[whole]
     names = tuple(rows.names[k] for k in np.flatnonzero(whole))
     kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in (source, target)]
     if kinds[0] is None and rows.ellipsoidal:

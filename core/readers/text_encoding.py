@@ -124,7 +124,9 @@ def _japanese(text: str, k: int) -> float:
 
 def _western(text: str, k: int) -> float:
     """The cost of a character of Western European text."""
-    before, one, after = text[k - 1], text[k], text[k + 1]
+    before = text[k - 1]
+    one = text[k]
+    after = text[k + 1]
     if one.isalpha() and one not in "ƒˆªºµþÞ":
         beside = [other for other in (before, after) if other.isalpha()]
         lone = 10.0 if not beside else 5.0 if any(other.isascii() for other in beside) else 9.0

@@ -170,7 +170,8 @@ def _open_work(dates: list[DatedSurface], settings: TieSettings, stack: ExitStac
 
 def _find_ties(work: _Work, progress: Progress) -> None:
     """Every tie that the ground allows."""
-    dates, first = work.dates, work.first
+    dates = work.dates
+    first = work.first
     for k, date in enumerate(dates):
         progress("finding walls and posts", k / len(dates))
         work.upright.append(find_standing(date.folder / CLOUD, date.after.bounds_m))
@@ -200,7 +201,8 @@ def _find_ties(work: _Work, progress: Progress) -> None:
 
 def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
     """What the surfaces' heights are, what could not be tied, and what contradicts itself."""
-    dates, first = work.dates, work.first
+    dates = work.dates
+    first = work.first
     told = [] if work.reference is None else [work.reference.notices]
     told += [surface.scale.notices for date in dates for surface in (date.after, date.before)]
     found = list(dict.fromkeys(notice for some in told for notice in some))

@@ -119,3 +119,12 @@ def test_fraction__of_a_sample(shared_data: Path) -> None:
         pytest.skip("the sample inputs of other software are not beside this checkout")
     images, _ = read([path])
     assert images.t_s.tolist() == [FIRST.timestamp() + 0.25]
+
+
+def test_marks__that_a_link_brings_from_another_folder_are_not_read(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    (tmp_path / "other.MRK").write_text(line(1, 0.5))
+    (tmp_path / "images" / "Timestamp.MRK").symlink_to(tmp_path / "other.MRK")
+    images, notices = read([image(tmp_path / "images" / "DJI_0001.JPG", FIRST)])
+    assert images.t_s.tolist() == [FIRST.timestamp()]
+    assert "images-marked" not in notices
