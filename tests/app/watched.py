@@ -137,8 +137,8 @@ def watched(
     )
     seen = Seen(done.returncode, done.stdout.decode(errors="replace"))
     events = [json.loads(line) for path in notes.iterdir() for line in path.read_text().splitlines()]
-    for event, after in zip(events, [*events[1:], {}], strict=True):
-        if not _is_source(event, after):
+    for number, event in enumerate(events):
+        if not _is_source(event, events[number + 1 :]):
             _add_event(seen, event)
     if sum(event["event"] == "start" for event in events) > 1:
         seen.programs.add(sys.executable)
@@ -147,10 +147,16 @@ def watched(
     return seen
 
 
-def _is_source(event: dict[str, Any], after: dict[str, Any]) -> bool:
-    """Whether a socket is bound only to connect from there: nothing listens at it."""
-    connects = (event["event"], after.get("event")) == ("socket.bind", "socket.connect")
-    return connects and (event["pid"], event["socket"]) == (after["pid"], after["socket"])
+def _is_source(event: dict[str, Any], later: Sequence[dict[str, Any]]) -> bool:
+    """Whether a socket is bound only to connect from there: nothing listens at it.
+
+    Other threads of the process may do something in between.
+    """
+    if event["event"] != "socket.bind":
+        return False
+    own = (event["pid"], event["socket"])
+    following = (other for other in later if (other["pid"], other.get("socket")) == own)
+    return next(following, {}).get("event") == "socket.connect"
 
 
 def _add_event(seen: Seen, event: dict[str, Any]) -> None:
@@ -178,21 +184,23 @@ def _own(event: dict[str, Any]) -> str | None:
 def _add_calls(seen: Seen, lines: Sequence[str]) -> None:
     """What strace noted."""
     begun: dict[str, str] = {}
-    bound: list[tuple[str, str, tuple[str, int]]] = []
+    bound: list[tuple[str, int]] = []
+    not_connected: dict[tuple[str, str], tuple[str, int]] = {}
     for line in lines:
         if found := CALL.match(line):
             place = ADDRESS.search(found[4])
             port = PORT.search(found[4])
             if place and port and found[2] == "bind":
-                bound.append((found[1], found[3], (place[1], int(port[1]))))
+                bound.append((place[1], int(port[1])))
+                not_connected[found[1], found[3]] = bound[-1]
             elif place and port:
                 seen.connected.add((place[1], int(port[1])))
-                if bound and bound[-1][:2] == (found[1], found[3]):  # it was bound only to connect from there
-                    bound.pop()
+                if source := not_connected.pop((found[1], found[3]), None):  # it was bound only to connect from there
+                    bound.remove(source)
         elif found := EXECUTION.match(line):
             if found[3].endswith(" = 0"):
                 seen.programs.add(found[2])
             begun[found[1]] = found[2]
         elif found := RESUMED.match(line):
             seen.programs.add(begun[found[1]])
-    seen.bound.update(place for *_, place in bound)
+    seen.bound.update(bound)
