@@ -16,31 +16,45 @@ from furrowmap.core.readers.inertial_rows import (
     imu_notices,
     inertial_facts,
     inertial_track,
+    inspected_track,
 )
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
+from furrowmap.core.values.inertial import FORCE_UNITS, RATE_UNITS, UNITS_OF_FORMAT, InertialTrack, StatedUnits
 from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock, ClockReading
 
 _LIMITS: Final = {"gyro": MAX_RATE_RADPS, "force": MAX_FORCE_MPS2}
-_RATES: Final = {"dps": np.pi / 180.0, "deg_s": np.pi / 180.0, "radps": 1.0, "rad_s": 1.0}
-_FORCES: Final = {"mps2": 1.0, "m_s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2}
+_RATES: Final = {
+    "dps": RATE_UNITS["deg/s"],
+    "deg_s": RATE_UNITS["deg/s"],
+    "radps": RATE_UNITS["rad/s"],
+    "rad_s": RATE_UNITS["rad/s"],
+}
+_FORCES: Final = {
+    "mps2": FORCE_UNITS["m/s2"],
+    "m_s2": FORCE_UNITS["m/s2"],
+    "g": FORCE_UNITS["g"],
+    "mg": FORCE_UNITS["mg"],
+}
 _COLUMN_NAMES: Final = {"gyro": (("gyro", "rate", "gyr"), _RATES), "force": (("force", "accel", "acc"), _FORCES)}
 """Begins of the columns' names, and the units at their ends with the factors to rad/s and m/s²."""
-IMU_SCHEMA: Final[tuple[Column, ...]] = (
-    TIME_COLUMN,
-    *(
-        Column(
-            {f"{begin}_{axis}_{unit}": factor for begin in begins for unit, factor in units.items()},
-            (-_LIMITS[kind], _LIMITS[kind]),
-        )
-        for kind, (begins, units) in _COLUMN_NAMES.items()
-        for axis in "xyz"
-    ),
-)
+
+
+def imu_schema(stated: StatedUnits) -> tuple[Column, ...]:
+    """The columns of time, angular rate and specific force, with units by their names or as stated instead."""
+    columns = [TIME_COLUMN]
+    for kind, (begins, units) in _COLUMN_NAMES.items():
+        factors = {unit: stated.factors(factor, factor)[kind == "force"] for unit, factor in units.items()}
+        for axis in "xyz":
+            names = {f"{begin}_{axis}_{unit}": factor for begin in begins for unit, factor in factors.items()}
+            columns.append(Column(names, (-_LIMITS[kind], _LIMITS[kind])))
+    return tuple(columns)
+
+
+IMU_SCHEMA: Final = imu_schema(UNITS_OF_FORMAT)
 ISO: Final = "iso"
 """Date and time of day, ISO 8601."""
 STATED_UNITS: Final = {
@@ -57,8 +71,8 @@ STATED_UNITS: Final = {
         "us": 1e-6,
     },
     "utc": {ISO: 1.0},
-    "gyro": {"deg/s": np.pi / 180.0, "rad/s": 1.0, "mdeg/s": 1e-3 * np.pi / 180.0, "mrad/s": 1e-3},
-    "force": {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2},
+    "gyro": RATE_UNITS,
+    "force": FORCE_UNITS,
 }
 QUANTITIES: Final = ("time", *(f"{kind}_{axis}" for kind in ("gyro", "force") for axis in "xyz"))
 """Quantities and units of `[imu.columns]`, and the factors of the units to s, rad/s and m/s². Beside them `utc`, which
@@ -94,18 +108,21 @@ class ImuCsv(FileReader):
 
         InputError if columns are missing, fields no numbers, or times do not increase.
         """
-        parts = [self._read(path) for path in self.paths]
+        return self._inertial(self.options.units)
+
+    def _inertial(self, units: StatedUnits) -> InertialTrack:
+        parts = [self._read(path, units) for path in self.paths]
         t_s, values = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         return inertial_track(t_s, values, self.name, self.notices)
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report rates, span, and the mean of the specific force."""
         reader = ImuCsv(self.paths[:1], self.options)
-        track = reader.inertial()
+        track = inspected_track(reader._inertial, self.options.units)
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "from its time column")
         angles = [name for name in head_columns(look(self.paths[0])) if name in (*LEVEL_COLUMNS, *NORTHS)]
         facts = {**inertial_facts(track), "attitude": angles or "none"}
-        notices = (*reader.notices, *imu_notices(track))
+        notices = (*dict.fromkeys(reader.notices), *imu_notices(track))
         return Inspection(self.paths[0], self.format, self.title, facts, (clock,), notices)
 
     def attitude(self) -> AttitudeTrack:
@@ -115,10 +132,10 @@ class ImuCsv(FileReader):
         self.notices += [notice for notice in log.notices if notice not in self.notices]
         return track
 
-    def _read(self, path: Path) -> tuple[FloatArray, FloatArray]:
+    def _read(self, path: Path, units: StatedUnits) -> tuple[FloatArray, FloatArray]:
         """UTC (n,), and angular rate and specific force (n, 6)."""
         with CsvFile(path, self.notices) as file:
-            schema, scale = IMU_SCHEMA, file.time_scale
+            schema, scale = imu_schema(units), file.time_scale
             if self.options.columns:
                 schema, scale = _stated_schema(file.names, self.options.columns, path)
             rows = file.rows(schema, "missing-column.imu", "value-out-of-range.imu")

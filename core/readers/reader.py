@@ -22,7 +22,7 @@ from furrowmap.core.runtime.file_signatures import BINARY, binary_kind, file_kin
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
-from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.inertial import UNITS_OF_FORMAT, InertialTrack, StatedUnits
 from furrowmap.core.values.pose_track import AttitudeTrack, PoseTrack
 from furrowmap.core.values.scan import Clock, ClockReading, Scan
 from furrowmap.core.values.tool_states import ToolStates
@@ -41,6 +41,7 @@ class ReadOptions:
         near_s: a UTC time near the recording, for clocks that show only a part of the time.
         time: time scale of trajectory files that do not state it, "utc" or "gps".
         columns: what the columns of a CSV are: name → (quantity, unit, scale); empty for names that say it.
+        units: of the measurements of an IMU, where they are others than its format says.
         source: which of several scanners in the files: its address, UDP port or serial number, in a bag its topic.
         glance_s: one scan or image in this many seconds is sufficient; of scans a reader may yield more if skipping
             saves no time.
@@ -55,6 +56,7 @@ class ReadOptions:
     topic: str | None = None
     source: str | None = None
     columns: Mapping[str, tuple[str, str, float]] = field(default_factory=dict)
+    units: StatedUnits = UNITS_OF_FORMAT
     glance_s: float | None = None
 
 

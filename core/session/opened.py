@@ -31,6 +31,7 @@ from furrowmap.core.session.camera import camera_of, camera_table, images_of, mo
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images, joined
+from furrowmap.core.values.inertial import StatedUnits
 from furrowmap.core.values.parcel import SOIL_METHODS
 from furrowmap.core.values.scan import ClockReading, Scan
 from furrowmap.core.values.session import Session
@@ -210,7 +211,8 @@ class OpenSession:
         table = self.session.imu
         assert table is not None
         columns = {name: (column.quantity, column.unit, column.scale) for name, column in table.columns.items()}
-        options = ReadOptions(near_s=near_s, topic=table.topic, columns=columns)
+        units = StatedUnits(table.rate_unit, table.force_unit, table.rate_scale, table.force_scale)
+        options = ReadOptions(near_s=near_s, topic=table.topic, columns=columns, units=units)
         if columns:
             return ImuCsv(self.inputs.inertial, options)
         return _open(self.inputs.inertial, options, GivesInertial, "imu.files")

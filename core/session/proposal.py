@@ -411,7 +411,19 @@ def _imu(inertial: Sequence[Examined], folder: Path, machine: Machine, flight: F
         place = _FROM_ANTENNA.format("IMU") + _FLOWN_IMU.format(toml_value(flight.imu_rpy_deg))
     else:
         place = _IMU
-    return f"[imu]\n{_comments(inertial)}\nfiles = {_names(inertial, folder)}\n{place}"
+    return f"[imu]\n{_comments(inertial)}\nfiles = {_names(inertial, folder)}\n{_imu_units(inertial)}{place}"
+
+
+def _imu_units(inertial: Sequence[Examined]) -> str:
+    """The units that the measurements show, where these are others than those of their format."""
+    facts = [recording.inspection.facts for recording in inertial]
+    measured = [each["imu"] if isinstance(each.get("imu"), Mapping) else each for each in facts]
+    lines = []
+    for key in ("rate_unit", "force_unit"):
+        units = {each.get(key) for each in measured}
+        if len(units) == 1 and None not in units:
+            lines.append(f"{key} = {_quoted(units.pop())}   # by gravity and motion; the format says another\n")
+    return "".join(lines)
 
 
 def _head(folder: Path, machine: Machine) -> str:

@@ -9,6 +9,34 @@ import numpy as np
 from furrowmap.core.runtime.arrays import FloatArray, check_columns
 
 STANDARD_GRAVITY_MPS2: Final = 9.80665
+RATE_UNITS: Final = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "mrad/s": 1e-3, "mdeg/s": 1e-3 * np.pi / 180.0}
+"""Units of angular rates, and their factors to rad/s."""
+FORCE_UNITS: Final = {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2}
+"""Units of specific forces, and their factors to m/s²."""
+
+
+@dataclass(frozen=True)
+class StatedUnits:
+    """Units of an IMU's numbers that replace those of its format, and scales; None where the format's count."""
+
+    rate_unit: str | None = None
+    force_unit: str | None = None
+    rate_scale: float = 1.0
+    force_scale: float = 1.0
+
+    def factors(self, rate: float = 1.0, force: float = 1.0) -> tuple[float, float]:
+        """Factors to rad/s and m/s² of numbers whose factors are `rate` and `force` by their format."""
+        rate = RATE_UNITS[self.rate_unit] if self.rate_unit is not None else rate
+        force = FORCE_UNITS[self.force_unit] if self.force_unit is not None else force
+        return self.rate_scale * rate, self.force_scale * force
+
+    def in_si(self, values: FloatArray) -> FloatArray:
+        """Angular rates and specific forces (n, 6) in rad/s and m/s², of numbers of a format that has these units."""
+        rate, force = self.factors()
+        return values * np.repeat([rate, force], 3)
+
+
+UNITS_OF_FORMAT: Final = StatedUnits()
 
 
 @dataclass(frozen=True)

@@ -158,6 +158,10 @@ class Imu(TomlTable, frozen=True, rename={"kind": "class"}):
     noise: ImuNoise = ImuNoise()
     minus_gnss_s: _OffsetS = 0.0
     columns: dict[str, ImuColumn] = {}  # msgspec copies an empty default
+    rate_unit: Literal["rad/s", "deg/s", "mrad/s", "mdeg/s"] | None = None
+    force_unit: Literal["m/s2", "g", "mg"] | None = None
+    rate_scale: _Positive = 1.0
+    force_scale: _Positive = 1.0
     on_wheels: bool = False
     heading: Literal["motion", "attitude", "antennas"] = "motion"
 
@@ -361,6 +365,10 @@ EXAMPLES: Final = {
     "imu.on_wheels": "true",
     "imu.heading": '"attitude"',
     "imu.columns": '{ gyroX = { quantity = "gyro_x", unit = "deg/s" } }',
+    "imu.rate_unit": '"deg/s"',
+    "imu.force_unit": '"g"',
+    "imu.rate_scale": "1.0",
+    "imu.force_scale": "1.0",
     "imu.noise": "{ gyro_deg_s_rthz = 0.0035, accel_mg_rthz = 0.14 }",
     "attitude.roll_pitch": '"ahrs_imu.csv"',
     "attitude.heading": '"ahrs_aircraft.csv"',

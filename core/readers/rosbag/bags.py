@@ -17,7 +17,7 @@ from furrowmap.core.readers.exif import MAX_PIXELS, layout_fault
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts
 from furrowmap.core.readers.hesai.captures import HESAI
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
-from furrowmap.core.readers.inertial_rows import attitude_facts, imu_notices, inertial_facts
+from furrowmap.core.readers.inertial_rows import attitude_facts, imu_notices, inertial_facts, inspected_track
 from furrowmap.core.readers.ouster.captures import looks_like_data, sensors_of
 from furrowmap.core.readers.ouster.metadata import Metadata, metadata_beside
 from furrowmap.core.readers.ouster.packets import OusterDecoder
@@ -59,7 +59,7 @@ from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images, RawLayout, StoredImage
-from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.inertial import InertialTrack, StatedUnits
 from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
@@ -455,7 +455,7 @@ class _RosBag(FileReader):
 
     def inertial(self) -> InertialTrack:
         """The measurements of the topic that `options` name, else of that with the most Imu messages."""
-        return self._inertial()[0]
+        return self._inertial(*self._imu_messages(), self.options.units)
 
     def attitude(self) -> AttitudeTrack:
         """The orientations of the topic that `options` name, else of that with the most Imu messages."""
@@ -633,13 +633,15 @@ class _RosBag(FileReader):
         self._add_notices(*dropped, *jump_notices(track))
         return track, chosen, log
 
-    def _inertial(self) -> tuple[InertialTrack, _Topic, ros.ImuLog]:
+    def _imu_messages(self) -> tuple[_Topic, ros.ImuLog]:
         chosen = self._choose("inertial measurements", ros.IMU, wanted=self.options.topic)
-        log = self._collect(chosen, ros.ImuLog())
+        return chosen, self._collect(chosen, ros.ImuLog())
+
+    def _inertial(self, chosen: _Topic, log: ros.ImuLog, units: StatedUnits) -> InertialTrack:
         notices: list[Notice] = []
-        track = log.track(self._source(chosen), notices)
+        track = log.track(self._source(chosen), units, notices)
         self._add_notices(*notices)
-        return track, chosen, log
+        return track
 
     def _attitudes(self) -> tuple[AttitudeTrack, _Topic, ros.AttitudeLog]:
         chosen = self._choose("attitudes", ros.IMU, ros.QUATERNION, ros.DJI_ATTITUDE, wanted=self.options.topic)
@@ -722,7 +724,8 @@ class _RosBag(FileReader):
         return facts, next(iter(self.clocks), nothing)
 
     def _imu_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        track, chosen, log = self._inertial()
+        chosen, log = self._imu_messages()
+        track = inspected_track(lambda units: self._inertial(chosen, log, units), self.options.units)
         self._add_notices(*imu_notices(track))
         facts = {"topic": chosen.name, "frame_id": log.frame_id, **inertial_facts(track), "oriented": log.oriented()}
         note = f"time stamps of the ros.IMU by its driver; received {log.delay_s():.3f} s later (median)"

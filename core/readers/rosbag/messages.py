@@ -32,7 +32,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.inertial import InertialTrack, StatedUnits
 from furrowmap.core.values.pose_track import TRUE_NORTH, UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.rotation import quaternion_to_attitude
 
@@ -142,10 +142,11 @@ class ImuLog(_RowLog):
         """Number of messages with an orientation."""
         return int(_is_turn(self._table[:, 7:11]).sum())
 
-    def track(self, source: str, notices: list[Notice]) -> InertialTrack:
+    def track(self, source: str, units: StatedUnits, notices: list[Notice]) -> InertialTrack:
         """All measurements in order; InputError if the stamps do not increase, or no IMU measures such values."""
         table = self._table
-        beyond = first_beyond(table[:, 1:7])
+        values = units.in_si(table[:, 1:7])
+        beyond = first_beyond(values)
         if beyond is not None:
             count, row, first = beyond
             raise InputError(
@@ -155,7 +156,7 @@ class ImuLog(_RowLog):
                 table=table[row, 1 + first : 4 + first].tolist(),
                 is_first=first == 0,
             )
-        return inertial_track(table[:, 0], table[:, 1:7], source, notices)
+        return inertial_track(table[:, 0], values, source, notices)
 
 
 class AttitudeLog(_RowLog):

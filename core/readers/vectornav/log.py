@@ -29,6 +29,7 @@ from furrowmap.core.readers.inertial_rows import (
     imu_notices,
     inertial_facts,
     inertial_track,
+    inspected_track,
 )
 from furrowmap.core.readers.messages import MESSAGE_CHUNK_BYTES, MessageCounts, scan_stream
 from furrowmap.core.readers.reader import FileReader, Inspection
@@ -36,7 +37,7 @@ from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
-from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.inertial import InertialTrack, StatedUnits
 from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.scan import Clock, ClockReading
 
@@ -253,6 +254,9 @@ class _VectorNav(FileReader, ABC):
 
     def inertial(self) -> InertialTrack:
         """All measurements, in the axes of the sensor: forward, right, down."""
+        return self._inertial(self.options.units)
+
+    def _inertial(self, units: StatedUnits) -> InertialTrack:
         rows, name = self._rows(), self.name
         measured = rows[np.isfinite(rows[:, 1:7]).all(axis=1)]
         timed = measured[np.isfinite(measured[:, 0])]
@@ -263,10 +267,11 @@ class _VectorNav(FileReader, ABC):
         if untimed := len(measured) - len(timed):
             notice = Notice("rows-incomplete.inertial", name=name, measured=untimed, measured_count=len(measured))
             self.notices.append(notice)
-        beyond = first_beyond(timed[:, 1:])
+        values = units.in_si(timed[:, 1:7])
+        beyond = first_beyond(values)
         if beyond is not None:
             raise InputError("value-out-of-range.inertial", name=name, beyond=beyond[0])
-        return inertial_track(timed[:, 0], timed[:, 1:7], name, self.notices)
+        return inertial_track(timed[:, 0], values, name, self.notices)
 
     def attitude(self) -> AttitudeTrack:
         """The attitudes by the device's own filter; it does not say from which north they count."""
@@ -278,9 +283,9 @@ class _VectorNav(FileReader, ABC):
     def inspect(self) -> Inspection:
         """Read the whole first file and report rates, span and the mean specific force."""
         reader = type(self)(self.paths[:1], self.options)
-        track = reader.inertial()
+        track = inspected_track(reader._inertial, self.options.units)
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "of the sensor")
-        notices = (*reader.notices, *imu_notices(track))
+        notices = (*dict.fromkeys(reader.notices), *imu_notices(track))
         return Inspection(self.paths[0], self.format, self.title, inertial_facts(track), (clock,), notices)
 
     def _scan(self, path: Path, counts: MessageCounts[Any], scan: Callable[[bytes, int, bool], int]) -> None:

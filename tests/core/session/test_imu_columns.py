@@ -56,7 +56,7 @@ def test_columns__give_what_names_with_units_give(tmp_path: Path) -> None:
     [
         (("gyroX =", "giroX ="), "There are gyroX"),
         (('"gyro_x"', '"roll_rate"'), "Quantities are time, gyro_x"),
-        (('"deg/s" }', '"deg/h" }'), "Units of it are deg/s, rad/s"),
+        (('"deg/s" }', '"deg/h" }'), "Units of it are rad/s, deg/s"),
         (('"gyro_x"', '"gyro_y"'), "State one"),
         (('gyroX = { quantity = "gyro_x", unit = "deg/s" }', ""), "State the column of each"),
     ],

@@ -55,7 +55,11 @@ def test_sound_imus__pass(shared_data: Path) -> None:
 
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(1 / 9.80665, "in g, not in m/s²"), (9.80665, "in m/s², not in g"), (1.3, "scale is off by 1.3")],
+    [
+        (1 / 9.80665, "in g, not in m/s2"),
+        (9.80665, "in m/s2, not in g"),
+        (1.3, "multiply `force_scale` under"),
+    ],
 )
 def test_gravity__of_another_size_names_the_unit(factor: float, words: str) -> None:
     assert words in found(replace(SOUND, force_mps2=SOUND.force_mps2 * factor))["imu-gravity"]
@@ -69,8 +73,6 @@ def test_gravity__that_was_removed_is_named() -> None:
 @pytest.mark.parametrize(
     ("matrix", "words"),
     [
-        (np.eye(3) * 180 / np.pi, "in degrees per second instead of radians"),
-        (np.eye(3) * np.pi / 180, "in radians per second instead of degrees"),
         (-np.eye(3), "had the other sign"),
         (np.eye(3)[[1, 0, 2]], "y, x, z"),
         (np.eye(3)[[1, 2, 0]], "z, x, y"),
@@ -79,6 +81,11 @@ def test_gravity__that_was_removed_is_named() -> None:
 )
 def test_rates__of_other_units_and_axes_are_named(matrix: Any, words: str) -> None:
     assert words in found(replace(TURNED, rate_radps=TURNED.rate_radps @ matrix.T))["imu-axes"]
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(180 / np.pi, "deg/s"), (np.pi / 180, "rad/s")])
+def test_rates__of_another_unit_are_named(factor: float, unit: str) -> None:
+    assert f'`rate_unit = "{unit}"`' in found(replace(TURNED, rate_radps=TURNED.rate_radps * factor))["imu-rate-unit"]
 
 
 def test_times__of_arrival_and_pauses_are_told() -> None:
