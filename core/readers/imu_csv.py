@@ -137,6 +137,9 @@ class ImuCsv(FileReader):
         with CsvFile(path, self.notices) as file:
             schema, scale = imu_schema(units), file.time_scale
             if self.options.columns:
+                if units != UNITS_OF_FORMAT:
+                    what = "`imu.columns` states units and scales, and so do `imu.rate_unit` and the keys beside it"
+                    raise _bad_columns(what, "Leave the latter out.")
                 schema, scale = _stated_schema(file.names, self.options.columns, path)
             rows = file.rows(schema, "missing-column.imu", "value-out-of-range.imu")
         if len(schema) > len(IMU_SCHEMA):

@@ -320,9 +320,6 @@ def _faults(session: Session) -> Iterator[str]:
         if session.imu.kind not in known:
             kind = session.imu.kind
             yield f"imu.class must be one of {', '.join(known)}, not {kind!r}; imu.noise states other figures"
-        stated_units = (session.imu.rate_unit, session.imu.force_unit, session.imu.rate_scale, session.imu.force_scale)
-        if session.imu.columns and stated_units != (None, None, 1.0, 1.0):
-            yield "imu.columns states unit and scale of each column: leave out imu.rate_unit, force_unit and the scales"
         if session.imu.heading == "attitude" and session.attitude is None:
             yield 'imu.heading is "attitude", which needs [attitude] with the log of headings'
     if session.lidar.rpy_walk_deg_rts and (session.imu is None or implement is not None):

@@ -420,8 +420,8 @@ def _imu_units(inertial: Sequence[Examined]) -> str:
     measured = [each["imu"] if isinstance(each.get("imu"), Mapping) else each for each in facts]
     lines = []
     for key in ("rate_unit", "force_unit"):
-        units = {each.get(key) for each in measured}
-        if len(units) == 1 and None not in units:
+        units = {str(each.get(key, "")) for each in measured}
+        if len(units) == 1 and "" not in units:
             lines.append(f"{key} = {_quoted(units.pop())}   # by gravity and motion; the format says another\n")
     return "".join(lines)
 

@@ -24,7 +24,7 @@ class StatedUnits:
     rate_scale: float = 1.0
     force_scale: float = 1.0
 
-    def factors(self, rate: float = 1.0, force: float = 1.0) -> tuple[float, float]:
+    def factors(self, rate: float, force: float) -> tuple[float, float]:
         """Factors to rad/s and m/s² of numbers whose factors are `rate` and `force` by their format."""
         rate = RATE_UNITS[self.rate_unit] if self.rate_unit is not None else rate
         force = FORCE_UNITS[self.force_unit] if self.force_unit is not None else force
@@ -32,8 +32,8 @@ class StatedUnits:
 
     def in_si(self, values: FloatArray) -> FloatArray:
         """Angular rates and specific forces (n, 6) in rad/s and m/s², of numbers of a format that has these units."""
-        rate, force = self.factors()
-        return values * np.repeat([rate, force], 3)
+        rate, force = self.factors(1.0, 1.0)
+        return np.asarray(values * np.repeat([rate, force], 3), np.float64)
 
 
 UNITS_OF_FORMAT: Final = StatedUnits()

@@ -140,7 +140,9 @@ def test_units_beside_columns__are_refused(tmp_path: Path) -> None:
     text = 'furrowmap = 1\n[recording]\ngnss = ["gnss.nmea"]\n[crs]\nmap = "EPSG:25832"\n[imu]\nfiles = ["dji.csv"]\n'
     column = '[imu.columns]\ngyroX = { quantity = "gyro_x", unit = "deg/s" }\n'
     path = tmp_path / "session.toml"
+    (tmp_path / "gnss.nmea").write_text("\n", encoding="utf-8")
+    (tmp_path / "dji.csv").write_text("gyroX\n1.0\n", encoding="utf-8")
     for line in ('force_unit = "g"\n', 'rate_unit = "deg/s"\n', "rate_scale = 2.0\n", "force_scale = 2.0\n"):
         path.write_text(f"{text}{line}{column}", encoding="utf-8")
         with pytest.raises(InputError, match=r"imu\.columns"):
-            open_session(path)
+            open_session(path).inertial(0.0).inertial()
