@@ -12,7 +12,6 @@ from time import process_time
 
 import numpy as np
 
-from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.log import read_tasks
 from furrowmap.core.work.task_work import task_works
 
@@ -28,9 +27,9 @@ def main() -> int:
     if not HARVEST.is_dir():
         print(f"the sample task data are not there: {HARVEST}", file=sys.stderr)
         return 1
-    read_tasks(open_task_files(HARVEST), "TSK20")  # compiles
+    read_tasks(HARVEST, "TSK20")  # compiles
     begin = process_time()
-    tasks = read_tasks(open_task_files(HARVEST))[1]
+    tasks = read_tasks(HARVEST)[1]
     reading_s = process_time() - begin
     begin = process_time()
     works = task_works(HARVEST).works

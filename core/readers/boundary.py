@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.agopengps import is_field_folder, read_outline
 from furrowmap.core.readers.areas.repair import made_valid, repaired
-from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, is_task_data, open_task_files, read_content
+from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, is_task_data, open_task_sets, read_content
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
@@ -44,7 +44,7 @@ def read_fields(path: Path, notices: list[Notice] | None = None) -> list[FieldOu
         except ValueError as error:
             raise _unreadable(path, str(error)) from None
     if is_task_data(path):
-        fields = read_content(open_task_files(path)).partfields.values()
+        fields = [one for files in open_task_sets(path) for one in read_content(files).partfields.values()]
         known = [FieldOutline(_texts((one.name, one.id)), one.boundary) for one in fields if one.boundary is not None]
         if not known:
             raise _unreadable(path, f"none of its {len(fields)} fields has a boundary")

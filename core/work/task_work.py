@@ -13,7 +13,6 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.crs_choice import choose_crs
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
-from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.log import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
@@ -71,7 +70,7 @@ def task_works(
         width_m: of the machine; None for the widest that the logs show at work.
         only: id or name of the one task that is wanted.
     """
-    content, tasks = read_tasks(open_task_files(path), only)
+    content, tasks = read_tasks(path, only)
     notices = list(content.notices)
     placed = [task for task in tasks if len(task.track) > 1]
     notices += [notice for task in tasks if task not in placed for notice in task.notices]

@@ -18,10 +18,9 @@ CODE = """
 import sys
 from pathlib import Path
 from numba.core import event
-from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.log import read_tasks
 with event.install_recorder("numba:compile") as recorder:
-    read_tasks(open_task_files(Path(sys.argv[1])))
+    read_tasks(Path(sys.argv[1]))
 print(sum(each.is_start for _, each in recorder.buffer))
 """
 """What only `furrowmap fields` calls; benchmarks/compilation.py counts the compilations of whole commands."""

@@ -152,12 +152,12 @@ def test_task_data__of_too_many_or_too_large_files(tmp_path: Path, monkeypatch: 
             archive.writestr(name, "<ISO11783_TaskData/>")
     monkeypatch.setattr(content, "MAX_ARCHIVE_FILES", 3)
     with pytest.raises(FurrowmapError, match="it has 4 files"):
-        content.open_task_files(tmp_path / "a.zip")
+        content.open_task_sets(tmp_path / "a.zip")[0]
     (tmp_path / "TASKDATA.XML").write_text("<ISO11783_TaskData/>" + " " * 99)
     assert content.is_task_data(tmp_path / "TASKDATA.XML")
     monkeypatch.setattr(content, "MAX_FILE_BYTES", 60)
     with refusal("task-data-unreadable", "more than any task data"):
-        content.open_task_files(tmp_path / "TASKDATA.XML").read("TASKDATA.XML")
+        content.open_task_sets(tmp_path / "TASKDATA.XML")[0].read("TASKDATA.XML")
 
 
 def test_farm_map__of_a_service_is_called_by_its_name_alone() -> None:
@@ -205,7 +205,7 @@ def test_time_log__of_more_values_than_can_be_numbered() -> None:
 def test_task_data__in_an_archive_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.zip").write_bytes(b"PK\x03\x04" + bytes(100))
     with refusal("task-data-unreadable", "a.zip: File is not a zip file"):
-        content.open_task_files(tmp_path / "a.zip")
+        content.open_task_sets(tmp_path / "a.zip")[0]
 
 
 def poses(lon: list[float], seconds: list[float] | None = None, scale: str = "unix") -> RawPoses:

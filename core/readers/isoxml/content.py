@@ -5,10 +5,11 @@ ISO 11783-10:2015, annex D, names the elements of TASKDATA.XML by three letters 
 
 import stat
 import zipfile
-from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path, PurePosixPath
 from typing import Final, TypeVar
 
@@ -30,38 +31,73 @@ MAX_FILE_BYTES: Final = 1 << 30
 
 @dataclass(frozen=True)
 class TaskFiles:
-    """Files of a folder or archive by name, ignoring case, because terminals write names in either."""
+    """Files of one set by name, ignoring case, because terminals write names in either.
+
+    Attributes:
+        path: the folder or archive.
+        inside: the set's folder in it; empty where it has one set alone.
+    """
 
     path: Path
+    inside: str
     notices: tuple[Notice, ...]
     _readers: dict[str, Callable[[], bytes]]
 
     def named(self, name: str) -> str:
         """Path of one of the files for messages."""
-        return f"{self.path}, {name}"
+        return f"{self.path}, {self.id_of(name)}"
+
+    def id_of(self, name: str) -> str:
+        """A name or an id that no other set of the folder or archive has."""
+        return f"{self.inside}/{name}" if self.inside else name
 
     def read(self, name: str) -> bytes:
         """The content of a file; InputError if it is missing, too large, or damaged."""
         reader = self._readers.get(name.upper())
         if reader is None:
-            raise InputError("task-data-incomplete", path=self.path, name=name)
+            raise InputError("task-data-incomplete", path=self.path, name=self.id_of(name))
         try:
             return reader()
         except Exception as error:  # noqa: BLE001 damage ends in errors of many families
             raise InputError("task-data-unreadable.read", name=self.named(name), error=error) from None
 
 
-def open_task_files(path: Path) -> TaskFiles:
-    """The files next to the only TASKDATA.XML in a folder or archive; `path` may also be that file.
+def open_task_sets(path: Path) -> tuple[TaskFiles, ...]:
+    """The sets of files next to each TASKDATA.XML in a folder or archive; `path` may also be that file.
 
-    InputError if there is none or more than one, or the archive is damaged or hostile.
+    Of copies of the same TASKDATA.XML the first counts, with a notice. InputError if there is none, or the archive is
+    damaged or hostile.
     """
     if not path.is_dir() and path.name.upper() != MAIN:
-        return _open_archive(path)
+        return _without_copies(path, _open_archive(path))
     folder = path if path.is_dir() else path.parent
-    inside = folder / _folder_of_main(folder, _folder_names(folder))
-    files = [p for p in sorted(inside.iterdir()) if p.is_file() and not leads_out(p, inside)]
-    return TaskFiles(folder, (), {p.name.upper(): partial(_read_file, p) for p in files})
+    found = []
+    for inside, label in _folders_of_mains(folder, _folder_names(folder)):
+        files = [p for p in sorted((folder / inside).iterdir()) if p.is_file() and not leads_out(p, folder / inside)]
+        found.append(TaskFiles(folder, label, (), {p.name.upper(): partial(_read_file, p) for p in files}))
+    return _without_copies(folder, found)
+
+
+def _without_copies(path: Path, sets: Sequence[TaskFiles]) -> tuple[TaskFiles, ...]:
+    """The sets without those whose main file is that of another."""
+    if len(sets) == 1:
+        return tuple(sets)
+    first: dict[bytes, TaskFiles] = {}
+    copies = []
+    for files in sets:
+        try:
+            main = sha256(files.read(MAIN)).digest()
+        except InputError:  # which reading the set reports
+            main = files.inside.encode(errors="surrogatepass")
+        if main in first:
+            copies.append(files.inside)
+        else:
+            first[main] = files
+    kept = list(first.values())
+    if copies:
+        notice = Notice("task-data-copies", path=path, copies=len(copies), names=", ".join(sorted(copies)[:4]))
+        kept[0] = replace(kept[0], notices=(*kept[0].notices, notice))
+    return tuple(kept)
 
 
 def is_task_data(path: Path) -> bool:
@@ -95,15 +131,16 @@ def _mains(names: list[str]) -> list[str]:
     return [p.as_posix() for p in paths if p.name.upper() == MAIN and not any("MACOSX" in part for part in p.parts)]
 
 
-def _folder_of_main(path: Path, names: list[str]) -> PurePosixPath:
-    """The folder, inside `path`, of the main file."""
+def _folders_of_mains(path: Path, names: list[str]) -> list[tuple[PurePosixPath, str]]:
+    """The folder of each main file inside `path`, and its name in messages: none where it is alone."""
     mains = _mains(names)
-    if len(mains) == 1:
-        return PurePosixPath(mains[0]).parent
-    if mains:
+    if not mains:
+        held = ", ".join(sorted(PurePosixPath(name).name for name in names)[:4]) or "nothing"
+        raise InputError("task-data-missing.one-main", path=path, held=held)
+    folders = sorted({PurePosixPath(name).parent for name in mains})
+    if len(folders) < len(mains):  # names that differ in case
         raise InputError("task-data-ambiguous", path=path, mains=len(mains), mains_list=", ".join(sorted(mains)[:4]))
-    held = ", ".join(sorted(PurePosixPath(name).name for name in names)[:4]) or "nothing"
-    raise InputError("task-data-missing.one-main", path=path, held=held)
+    return [(folder, folder.as_posix() if len(folders) > 1 else "") for folder in folders]
 
 
 def _read_file(path: Path) -> bytes:
@@ -112,7 +149,7 @@ def _read_file(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def _open_archive(path: Path) -> TaskFiles:
+def _open_archive(path: Path) -> list[TaskFiles]:
     try:
         with zipfile.ZipFile(path) as archive:
             found = archive.infolist()
@@ -124,13 +161,13 @@ def _open_archive(path: Path) -> TaskFiles:
     expect_memory(path, max((entry.file_size for entry in entries), default=0))
     if fault := _hostile_entry(entries):
         raise InputError("archive-hostile", path=path, fault=fault)
-    inside = _folder_of_main(path, [entry.filename for entry in entries])
-    here = [entry for entry in entries if PurePosixPath(entry.filename).parent == inside]
     notices = (Notice("archive-foreign-bytes", path=path, ahead=ahead),) * (ahead > 0)
-    readers: dict[str, Callable[[], bytes]] = {
-        PurePosixPath(entry.filename).name.upper(): partial(_read_entry, path, entry) for entry in here
-    }
-    return TaskFiles(path, notices, readers)
+    readers: defaultdict[PurePosixPath, dict[str, Callable[[], bytes]]] = defaultdict(dict)
+    for entry in entries:
+        name = PurePosixPath(entry.filename)
+        readers[name.parent][name.name.upper()] = partial(_read_entry, path, entry)
+    folders = _folders_of_mains(path, [entry.filename for entry in entries])
+    return [TaskFiles(path, label, notices, readers[inside]) for inside, label in folders]
 
 
 def _read_entry(path: Path, entry: zipfile.ZipInfo) -> bytes:

@@ -8,7 +8,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -26,7 +28,7 @@ from furrowmap.core.readers.isoxml.content import (
     TaskFiles,
     is_task_data,
     named_again,
-    open_task_files,
+    open_task_sets,
     read_content,
 )
 from furrowmap.core.readers.isoxml.time_log import TimeLog, read_time_log
@@ -182,23 +184,57 @@ class LoggedTask:
     notices: tuple[Notice, ...]
 
 
-def read_tasks(files: TaskFiles, only: str | None = None) -> tuple[TaskData, list[LoggedTask]]:
-    """The content of a set of task data, and its tasks that have a time log, or the one with an id or name.
+def read_tasks(path: Path, only: str | None = None) -> tuple[TaskData, list[LoggedTask]]:
+    """The content of all sets of task data in a folder or archive, and their tasks that have a time log.
 
-    InputError if the set cannot be read, or has no such task. A time log that cannot be read is only a notice.
+    Where there are several sets, ids of fields and tasks begin with the set's folder, and a set that cannot be read is
+    only a notice. Version and maker are those of the first. `only` is the id or name of the tasks that are wanted.
+    InputError if no set can be read, or none has such a task. A time log that cannot be read is only a notice.
     """
-    content = read_content(files)
-    wanted = [task for task in content.tasks if only is None or only in (task.id, task.name)]
-    if only is not None and not wanted:
-        known = ", ".join(f"{task.id} ({task.name})" for task in content.tasks) or "none"
-        raise InputError("no-such-task", files=files.path, only=only, known=known)
-    read: Counter[str] = Counter()
-    tasks = [_read_task(files, content, task, read) for task in wanted if task.logs]
-    return replace(content, notices=(*content.notices, *named_again(read))), tasks
+    sets, notices = _read_sets(path)
+    wanted = [[task for task in one.tasks if only is None or only in (task.id, task.name)] for _, one in sets]
+    every = tuple(task for _, content in sets for task in content.tasks)
+    if only is not None and not any(wanted):
+        known = ", ".join(f"{task.id} ({task.name})" for task in every) or "none"
+        raise InputError("no-such-task", files=path, only=only, known=known)
+    tasks = []
+    seen: dict[bytes, tuple[str, str]] = {}
+    for (files, content), chosen in zip(sets, wanted, strict=True):
+        read: Counter[str] = Counter()
+        tasks += [_read_task(files, content, task, read, seen) for task in chosen if task.logs]
+        notices += named_again(read)
+    partfields = {files.id_of(key): field for files, content in sets for key, field in content.partfields.items()}
+    first = sets[0][1]
+    return replace(first, partfields=partfields, tasks=every, notices=tuple(dict.fromkeys(notices))), tasks
 
 
-def _read_task(files: TaskFiles, content: TaskData, task: Task, read: Counter[str]) -> LoggedTask:
-    """The task's logs, without those that were `read` for it or another task before."""
+def _read_sets(path: Path) -> tuple[list[tuple[TaskFiles, TaskData]], list[Notice]]:
+    """The sets that can be read, and notices on all."""
+    found = []
+    notices: list[Notice] = []
+    sets = open_task_sets(path)
+    for files in sets:
+        try:
+            content = read_content(files)
+        except InputError as error:
+            if len(sets) == 1:
+                raise
+            notices.append(Notice("task-data-left-out", name=files.named(MAIN), lines=error.lines[0]))
+            continue
+        found.append((files, content))
+        notices += content.notices
+    if not found:
+        raise InputError("task-data-missing.readable", path=path, sets=len(sets))
+    return found, notices
+
+
+def _read_task(
+    files: TaskFiles, content: TaskData, task: Task, read: Counter[str], seen: dict[bytes, tuple[str, str]]
+) -> LoggedTask:
+    """The task's logs, without those that were `read` for it or another task before.
+
+    `seen` are the digests of logs with their set and name: a later set often has the logs of an earlier one.
+    """
     notices: list[Notice] = []
     logs = []
     for name in task.logs:
@@ -206,7 +242,12 @@ def _read_task(files: TaskFiles, content: TaskData, task: Task, read: Counter[st
         if read[name.upper()] > 1:
             continue
         try:
-            log = read_time_log(files.read(f"{name}.XML"), files.read(f"{name}.BIN"), files.named(name))
+            records = files.read(f"{name}.BIN")
+            first_set, first = seen.setdefault(sha256(records).digest(), (files.inside, files.id_of(name)))
+            if first_set != files.inside and records:
+                notices.append(Notice("time-log-copy", name=files.named(name), first=first))
+                continue
+            log = read_time_log(files.read(f"{name}.XML"), records, files.named(name))
         except InputError as error:
             notices.append(Notice("time-log-lost", lines=error.lines[0], id=task.id))
             continue
@@ -225,7 +266,7 @@ def _read_task(files: TaskFiles, content: TaskData, task: Task, read: Counter[st
     if not len(track):
         notices.append(Notice("no-positions.logged", id=files.named(task.id)))
     return LoggedTask(
-        id=task.id,
+        id=files.id_of(task.id),
         name=task.name,
         field=content.partfields.get(task.partfield),
         track=track,
@@ -415,7 +456,7 @@ class TaskDataLog(FileReader):
 
     def inspect(self) -> Inspection:
         """Read the whole first set and report what it contains."""
-        content, tasks = read_tasks(open_task_files(self.paths[0]), self.options.task)
+        content, tasks = read_tasks(self.paths[0], self.options.task)
         facts: dict[str, Any] = {
             "version": content.version,
             "maker": content.maker,
@@ -440,7 +481,7 @@ class TaskDataLog(FileReader):
         found = []
         self.notices = []
         for path in self.paths:
-            content, tasks = read_tasks(open_task_files(path), self.options.task)
+            content, tasks = read_tasks(path, self.options.task)
             self.notices += _notices(content, tasks)
             found += [task for task in tasks if len(task.track)]
         if not found:

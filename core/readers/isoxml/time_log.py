@@ -29,6 +29,7 @@ DAY_NOT_AVAILABLE: Final = 0xFFFE
 """From this on a day is an error or not available."""
 ANY_DAY: Final = -1
 LONGEST_LOG_DAYS: Final = 366
+INT32: Final = np.iinfo(np.int32)
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,13 @@ class RecordLayout:
         open: letters of the PTN attributes in each record.
         fixed: raw value of the PTN attributes that the header states for all records.
         channels: data dictionary identifier (ISO 11783-11) and id of the device element of each value, a `DLV`.
+        constants: raw value of the channels that the header states for all records, by their index.
     """
 
     open: str
     fixed: dict[str, float]
     channels: tuple[tuple[int, str], ...]
+    constants: dict[int, int]
 
 
 @dataclass(frozen=True)
@@ -86,16 +89,18 @@ class TimeLog:
         """Device element and raw values (n,) of each channel of a data dictionary identifier that has any value."""
         seen = np.zeros(MAX_CHANNELS, bool)
         seen[self.channel] = True
+        seen[list(self.header.constants)] = True
         for k, (stated_ddi, element) in enumerate(self.header.channels):
             if stated_ddi == ddi and seen[k]:
                 yield element, self.latest(k)
 
     def latest(self, channel: int) -> FloatArray:
-        """(n,) the raw value at each record, the last one logged; nan before the first."""
+        """(n,) the raw value at each record, the last one logged; before the first that of the header, else nan."""
         mine = self.channel == channel
         at, value = self.record[mine], self.value[mine].astype(np.float64)
         row = np.searchsorted(at, np.arange(len(self)), side="right") - 1
-        return np.where(row >= 0, value[np.maximum(row, 0)] if len(value) else np.nan, np.nan)
+        before = float(self.header.constants.get(channel, np.nan))
+        return np.where(row >= 0, value[np.maximum(row, 0)] if len(value) else np.nan, before)
 
 
 def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
@@ -184,8 +189,12 @@ def read_header(data: bytes, name: str) -> RecordLayout:
     position = next(root.all("PTN"), None)
     if root.tag != "TIM" or position is None:
         raise InputError("time-log-header", name=name, tag=root.tag[:40], position=", without PTN" * (position is None))
-    channels = []
+    channels: list[tuple[int, str]] = []
+    constants: dict[int, int] = {}
     for item in root.all("DLV"):
+        stated_value = item.get("B").strip()
+        if stated_value:
+            constants[len(channels)] = _constant(stated_value, name)
         try:
             channels.append((int(item.get("A"), 16), item.get("C")))
         except ValueError:
@@ -199,7 +208,18 @@ def read_header(data: bytes, name: str) -> RecordLayout:
                 stated[letter] = float(position.get(letter))
             except ValueError:
                 open_letters += letter
-    return RecordLayout(open_letters, stated, tuple(channels))
+    return RecordLayout(open_letters, stated, tuple(channels), constants)
+
+
+def _constant(text: str, name: str) -> int:
+    """A value that the header states for all records."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = INT32.max + 1
+    if not INT32.min <= value <= INT32.max:
+        raise InputError("time-log-header.constant", name=name, item=text[:40])
+    return value
 
 
 @kernel()

@@ -12,7 +12,7 @@ import shapely
 from pyproj import Geod
 
 from furrowmap.core.readers.boundary import read_fields
-from furrowmap.core.readers.isoxml.content import open_task_files, read_content
+from furrowmap.core.readers.isoxml.content import open_task_sets, read_content
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
 
@@ -212,7 +212,7 @@ def test_task_data__rings_that_no_field_has_are_dropped_and_named(ring: str, is_
     whole = ring_of([(100.0, 10.0), (100.1, 10.0), (100.0, 10.1)])
     text = '<ISO11783_TaskData VersionMajor="4" VersionMinor="0"><PFD A="PFD1" C="Hof"><PLN A="1">'
     (tmp_path / "TASKDATA.XML").write_text(f"{text}{whole}{ring}</PLN></PFD></ISO11783_TaskData>")
-    content = read_content(open_task_files(tmp_path))
+    content = read_content(open_task_sets(tmp_path)[0])
     boundary = content.partfields["PFD1"].boundary
     assert shapely.get_num_geometries(boundary) == 1 + is_kept
     assert [notice.code for notice in content.notices] == ([] if is_kept else ["boundary-ring"])

@@ -14,7 +14,6 @@ import pyubx2
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.log import read_tasks
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
 from furrowmap.core.readers.rosbag.clouds import CloudScans
@@ -269,7 +268,7 @@ def log_of(folder: Path, channels: list[tuple[int, str]], device: str, values: l
     ]
     body = f'<TSK A="TSK1" B="run" G="4"><TLG A="TLG00001" C="1"/></TSK><DVC A="DVC1">{device}</DVC>'
     logs = {"TLG00001": (header(channels), b"".join(record.pack() for record in packed))}
-    (task,) = read_tasks(open_task_files(task_data(folder / "TASKDATA", body, logs)))[1]
+    (task,) = read_tasks(task_data(folder / "TASKDATA", body, logs))[1]
     return task
 
 
@@ -311,7 +310,7 @@ def test_task_data__gps_time_is_used_within_15_hours(ahead_h: float, used: bool,
         records.append(Record(own % day_ms, own // day_ms, place, {0: 1}).pack())
     body = '<TSK A="TSK1" B="run" G="4"><TLG A="TLG00001" C="1"/></TSK>'
     logs = {"TLG00001": (header([(141, "DET-1")], "ABDHI"), b"".join(records))}
-    (task,) = read_tasks(open_task_files(task_data(tmp_path / "TASKDATA", body, logs)))[1]
+    (task,) = read_tasks(task_data(tmp_path / "TASKDATA", body, logs))[1]
     begin_s = (
         dt.datetime(1980, 1, 1, tzinfo=dt.UTC).timestamp()
         + 15_000 * 86_400

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from furrowmap.cli.main import attempt
-from furrowmap.core.readers.isoxml.content import open_task_files
+from furrowmap.core.readers.isoxml.content import open_task_sets
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime import memory
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
@@ -73,7 +73,7 @@ def test_promise_10__a_zip_or_npz_that_grows_without_end_is_refused(tmp_path: Pa
         with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr(member, bytes(30 << 20))
     for read, name in (
-        (open_task_files, "taskdata.zip"),
+        (open_task_sets, "taskdata.zip"),
         (read_npz, "implement.npz"),
         (load_implement, "implement.npz"),
     ):

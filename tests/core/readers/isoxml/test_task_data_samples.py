@@ -12,7 +12,6 @@ from isoxml.converter.shapely_geom import ShapelyConverterV4
 from isoxml.util.isoxml_io import isoxml_from_path
 from pyproj import Geod
 
-from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.log import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
@@ -26,7 +25,7 @@ COUNTED_M2 = (48300, 40500, 19500, 30100, 17900, 52000, 65000, 48200, 50800, 490
 
 
 def tasks_of(path: Path) -> list[LoggedTask]:
-    return read_tasks(open_task_files(path))[1]
+    return read_tasks(path)[1]
 
 
 def codes(task: LoggedTask) -> set[str]:
@@ -48,7 +47,7 @@ def test_harvest__is_what_the_independent_decoder_found(shared_data: Path) -> No
 
 
 def test_harvest__has_the_fields_that_another_reader_sees(shared_data: Path) -> None:
-    content, _ = read_tasks(open_task_files(shared_data / HARVEST), "TSK1")
+    content, _ = read_tasks(shared_data / HARVEST, "TSK1")
     theirs, _ = isoxml_from_path(shared_data / HARVEST, read_bin_files=False)
     converter = ShapelyConverterV4()
     assert list(content.partfields) == [field.id for field in theirs.partfields]
@@ -113,7 +112,7 @@ def test_transport__never_works(shared_data: Path) -> None:
 
 
 def test_external_files__are_read_in_their_places(shared_data: Path) -> None:
-    content, (task,) = read_tasks(open_task_files(shared_data / "isoxml/other/external_files_linklist_2021.zip"))
+    content, (task,) = read_tasks(shared_data / "isoxml/other/external_files_linklist_2021.zip")
     assert len(content.partfields) == 15
     assert task.field is not None
     assert (task.field.id, len(task.track)) == ("PFD9", 207)
@@ -127,7 +126,7 @@ def test_mac__its_own_files_are_passed_over(shared_data: Path) -> None:
 
 
 def test_damaged_archive__is_read_and_its_damage_reported(shared_data: Path) -> None:
-    content, tasks = read_tasks(open_task_files(shared_data / "isoxml/hostile/corrupt_zip_and_bad_positions.zip"))
+    content, tasks = read_tasks(shared_data / "isoxml/hostile/corrupt_zip_and_bad_positions.zip")
     assert ["500,000 foreign bytes" in notice.text for notice in content.notices] == [True]
     by_log = {log: task for task in tasks for log in task.logs}
     assert "time-log-damaged" in codes(by_log["TLG0006"])
@@ -143,7 +142,6 @@ def test_damaged_archive__is_read_and_its_damage_reported(shared_data: Path) -> 
     ("name", "code", "word"),
     [
         ("hostile/not_a_zip.zip", "task-data-missing", "LINKLIST.xml"),
-        ("hostile/two_taskdata.zip", "task-data-ambiguous", "task2/TASKDATA.XML"),
         ("hostile/broken_headers", "task-data-missing", "TLG00001.xml"),
     ],
 )
@@ -152,6 +150,12 @@ def test_hostile__is_refused_by_name(shared_data: Path, name: str, code: str, wo
         Recognised.by_content(shared_data / "isoxml" / name).inspect()
     assert error.value.code == code
     assert word in error.value.what
+
+
+def test_two_sets__of_the_same_main_file_are_one(shared_data: Path) -> None:
+    answer = Recognised.by_content(shared_data / "isoxml/hostile/two_taskdata.zip").inspect()
+    assert [notice.code for notice in answer.notices] == ["task-data-copies"]
+    assert "task2" in answer.notices[0].text
 
 
 def test_every_sample__is_inspected_or_refused(shared_data: Path) -> None:
@@ -163,10 +167,10 @@ def test_every_sample__is_inspected_or_refused(shared_data: Path) -> None:
             refused.append((path.stem, error.lines))
             continue
         read += 1
-        assert answer.facts["tasks"]
+        assert answer.facts["tasks"] or path.stem == "two_taskdata"
         assert all(clock.first_s <= clock.last_s for clock in answer.clocks)
-    assert read == 10
-    assert {name for name, _ in refused} == {"not_a_zip", "two_taskdata"}
+    assert read == 11
+    assert {name for name, _ in refused} == {"not_a_zip"}
     assert all(all(lines) for _, lines in refused)
 
 
@@ -177,7 +181,7 @@ def test_a_lost_time_log__is_reported_and_the_others_read(shared_data: Path, tmp
         shutil.copyfile(shared_data / HARVEST / name, folder / name)
     broken = (shared_data / "isoxml/hostile/broken_headers/TLG00003.xml").read_bytes()
     (folder / "TLG00007.xml").write_bytes(broken)
-    _, (task,) = read_tasks(open_task_files(folder), "TSK6")
+    _, (task,) = read_tasks(folder, "TSK6")
     assert len(task.track) == 187
     lost = next(notice for notice in task.notices if notice.code == "time-log-lost")
     assert "TLG00007.xml, line 30" in lost.text

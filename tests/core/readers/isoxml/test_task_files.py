@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.readers.isoxml.content import MAIN, is_task_data, open_task_files, read_content
+from furrowmap.core.readers.isoxml.content import MAIN, is_task_data, open_task_sets, read_content
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError, RefusedError
@@ -29,7 +29,7 @@ def archive(path: Path, names: list[str], *, link: bool = False, text: str = EMP
 
 def refused(path: Path) -> InputError:
     with pytest.raises(InputError) as error:
-        read_content(open_task_files(path))
+        read_content(open_task_sets(path)[0])
     assert all(error.value.lines)
     return error.value
 
@@ -49,7 +49,7 @@ def test_a_promise_that_no_archive_keeps__is_refused(tmp_path: Path) -> None:
     place = data.rindex(b"PK\x01\x02") + 24  # the last entry's size in the directory
     path.write_bytes(data[:place] + (1 << 31).to_bytes(4, "little") + data[place + 4 :])
     with pytest.raises(RefusedError, match=r"330 bytes unpack to 2\.15 GB or more"):
-        open_task_files(path)
+        open_task_sets(path)[0]
 
 
 def test_an_entry_shorter_than_the_archive_states__is_damaged(tmp_path: Path) -> None:
@@ -79,13 +79,13 @@ def test_names__are_found_in_any_case_and_one_folder_down(tmp_path: Path) -> Non
     inside.mkdir()
     (inside / "taskdata.xml").write_text(EMPTY)
     assert is_task_data(tmp_path)
-    assert read_content(open_task_files(tmp_path)).version == "4.3"
-    assert open_task_files(inside / "taskdata.xml").read("TASKDATA.XML") == EMPTY.encode()
+    assert read_content(open_task_sets(tmp_path)[0]).version == "4.3"
+    assert open_task_sets(inside / "taskdata.xml")[0].read("TASKDATA.XML") == EMPTY.encode()
 
 
 def test_an_external_file_that_is_not_there__is_reported(tmp_path: Path) -> None:
     (tmp_path / MAIN).write_text(EMPTY.replace("/>", '><XFR A="PFD00001" B="1"/></ISO11783_TaskData>'))
-    (notice,) = read_content(open_task_files(tmp_path)).notices
+    (notice,) = read_content(open_task_sets(tmp_path)[0]).notices
     assert notice.code == "external-file-lost"
     assert "PFD00001.XML" in notice.text
 
@@ -142,5 +142,5 @@ def test_promise_24__numbers_of_five_thousand_digits_are_none(tmp_path: Path) ->
     huge = "9" * 5000
     body = f'<PFD A="PFD1" C="x" D="{"9" * 400}"/><TSK A="T"><TIM><DLV A="0074" B="{huge}" C="D"/></TIM></TSK>'
     (tmp_path / MAIN).write_text(EMPTY.replace("/>", f">{body}</ISO11783_TaskData>"))
-    content = read_content(open_task_files(tmp_path))
+    content = read_content(open_task_sets(tmp_path)[0])
     assert (content.partfields["PFD1"].name, content.tasks[0].id) == ("x", "T")

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.readers.isoxml.content import open_task_files
 from furrowmap.core.readers.isoxml.log import LoggedTask, TaskDataLog, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.values.gnss import Fix
@@ -25,7 +24,7 @@ def task_of(
 ) -> LoggedTask:
     body = f'<TSK A="TSK1" B="run" G="4">{xml.get("times", "")}<TLG A="TLG00001"/></TSK>{xml.get("device", "")}'
     log = (header(channels, letters), b"".join(record.pack() for record in records))
-    (task,) = read_tasks(open_task_files(task_data(folder, body, {"TLG00001": log})))[1]
+    (task,) = read_tasks(task_data(folder, body, {"TLG00001": log}))[1]
     return task
 
 

@@ -28,10 +28,19 @@ class Record:
         return out + b"".join(struct.pack("<Bi", channel, value) for channel, value in self.values.items())
 
 
-def header(channels: Sequence[tuple[int, str]], letters: str = "ABD", fixed: Mapping[str, str] | None = None) -> bytes:
+def header(
+    channels: Sequence[tuple[int, str]],
+    letters: str = "ABD",
+    fixed: Mapping[str, str] | None = None,
+    constants: Mapping[int, object] | None = None,
+) -> bytes:
+    """A header; `fixed` are attributes of PTN, `constants` values of channels that it states for all records."""
     stated = dict.fromkeys(letters, "") | dict(fixed or {})
     position = " ".join(f'{letter}="{stated[letter]}"' for letter in sorted(stated))
-    values = "".join(f'<DLV A="{ddi:04X}" B="" C="{element}"/>' for ddi, element in channels)
+    whole = constants or {}
+    values = "".join(
+        f'<DLV A="{ddi:04X}" B="{whole.get(k, "")}" C="{element}"/>' for k, (ddi, element) in enumerate(channels)
+    )
     return HEADER.format(position=position, values=values).encode()
 
 
