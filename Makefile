@@ -19,7 +19,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export MYPY_CACHE_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/furrowmap/types
 
 .DEFAULT_GOAL := help
-.PHONY: help demo quick test all-tests fuzz fuzz-sessions kills setup lint typecheck layout format test-lowest test-open3d test-python bench bench-release bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin release-check web clean
+.PHONY: help demo quick test all-tests fuzz fuzz-sessions kills setup lint typecheck layout format test-lowest test-open3d test-python bench bench-release bench-sessions bench-dates bench-flights bench-misstated bench-outages golden coverage mutants docs pages plugin release-check web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -120,6 +120,9 @@ bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions and f
 
 bench-outages: $(INSTALLED)  ## random outages of GNSS and pauses of the scanner: stated sigmas against true errors
 	$(BIN)/python benchmarks/outages.py
+
+golden: $(INSTALLED)  ## results on sample recordings, compared with those of a commit: make golden AGAINST=COMMIT
+	$(BIN)/python scripts/golden.py $(AGAINST)
 
 coverage: $(INSTALLED)  ## branches of core and exporters that all tests run, and which test runs which line
 	@rm -rf build/coverage && mkdir -p build/coverage

@@ -1,14 +1,19 @@
-"""Reads each file it is given as its kind, within the memory it is given; a JSON line says what came of each."""
+"""Reads files as their kind, within the memory it is given: JSON lines of limit, way and path on standard input.
+
+A JSON line on standard output says what came of each.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import resource
 import sys
 import time
 from collections import deque
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from furrowmap.core.readers.exif import read_pixels
 from furrowmap.core.readers.las.cloud import open_cloud, survey
@@ -52,10 +57,27 @@ def outcome(way: str, path: Path) -> str:
     return "read"
 
 
-if __name__ == "__main__":
-    limit = int(sys.argv[1])
+def read_within(limit: int, way: str, path: Path) -> dict[str, Any]:
+    """What came of a file, the peak of resident memory and the processor time, with an address space of `limit`."""
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # the peak counts from here
     start_s = time.process_time()
-    came = outcome(sys.argv[2], Path(sys.argv[3]))
+    came = outcome(way, path)
     peak_kb = int(Path("/proc/self/status").read_text(encoding="ascii").split("VmHWM:")[1].split()[0])
-    sys.stdout.write(json.dumps({"came": came, "peak_kb": peak_kb, "spent_s": time.process_time() - start_s}))
+    return {"came": came, "peak_kb": peak_kb, "spent_s": time.process_time() - start_s}
+
+
+if __name__ == "__main__":
+    for line in sys.stdin:
+        limit, way, path = json.loads(line)
+        process = os.fork()  # each in a process of its own, with everything imported once
+        if process == 0:
+            try:
+                sys.stdout.write(json.dumps(read_within(limit, way, Path(path))) + "\n")
+                sys.stdout.flush()
+            finally:
+                os._exit(0)
+        status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+        if status:
+            sys.stdout.write(json.dumps({"came": f"ended with {status}"}) + "\n")
+            sys.stdout.flush()
