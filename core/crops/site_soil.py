@@ -100,8 +100,7 @@ class SoilRaster:
             return np.zeros(0)
         x, y = xy_m.T if self.change is None else self.change.points(xy_m).T
         dataset = self.raster.dataset
-        a, b, c, d, e, f = (~dataset.transform)[:6]
-        column, row = a * x + b * y + c - 0.5, d * x + e * y + f - 0.5
+        column, row = (place - 0.5 for place in self.raster.columns_rows(x, y))
         size = max(1, 2 * int(0.5 * side_m / float(np.mean(dataset.res))) + 1)
         left, top = int(np.floor(column.min())) - size, int(np.floor(row.min())) - size
         right, bottom = int(np.ceil(column.max())) + size + 1, int(np.ceil(row.max())) + size + 1

@@ -6,7 +6,8 @@ from typing import Any, Final
 import numpy as np
 from pyproj import CRS
 
-from furrowmap.core.geodesy.projection import GEOIDS_OF_JAPAN, MapFrame, height_system, middle_deg
+from furrowmap.core.geodesy.longitudes import middle_deg
+from furrowmap.core.geodesy.projection import GEOIDS_OF_JAPAN, MapFrame, height_system
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.clock import iso_utc

@@ -10,6 +10,7 @@ from pyproj.aoi import AreaOfInterest
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
+from furrowmap.core.geodesy.longitudes import bounding_box_ends_deg, unwrapped_deg
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.crs import name_of
@@ -89,6 +90,12 @@ def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, floa
     return CrsChange(source, target, accuracy_m, ", then ".join(steps) or "no change", best)
 
 
+def bounds_in(crs: CRS, xy: FloatArray) -> tuple[float, float, float, float]:
+    """Least x and y, greatest x and y of positions (n, 2) in a horizontal CRS; beyond 180° across the antimeridian."""
+    x = unwrapped_deg(xy[:, 0]) if crs.is_geographic else xy[:, 0]
+    return float(x.min()), float(xy[:, 1].min()), float(x.max()), float(xy[:, 1].max())
+
+
 def optional_crs(text: str | CRS | None) -> CRS | None:
     """As :func:`crs_of`; None for None."""
     return crs_of(text) if text is not None else None
@@ -118,4 +125,5 @@ def _area(source: CRS, bounds: tuple[float, float, float, float]) -> Any:
         return None
     to_degrees = Transformer.from_crs(source, base.to_2d(), always_xy=True)
     west, south, east, north = to_degrees.transform_bounds(*bounds)
+    west, east = bounding_box_ends_deg(west, east)
     return AreaOfInterest(west, south, east, north) if np.isfinite([west, south, east, north]).all() else None

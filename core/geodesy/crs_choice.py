@@ -11,6 +11,7 @@ from pyproj import CRS
 from pyproj.database import CRSInfo, query_utm_crs_info
 
 from furrowmap.core.geodesy.local_time import zone_at
+from furrowmap.core.geodesy.longitudes import principal_deg
 from furrowmap.core.geodesy.projection import AREA_MARGIN_DEG, MAX_SCALE_ERROR, scale_of
 
 _ZONES_OF_JAPAN: Final = {
@@ -107,6 +108,7 @@ def choose_crs(lon_deg: float, lat_deg: float) -> CrsChoice | None:
 
     A map that a run would refuse there, for its scale error, is left out.
     """
+    lon_deg = principal_deg(lon_deg)
     return _plane_rectangular(lon_deg, lat_deg) or _national(lon_deg, lat_deg) or choose_utm(lon_deg, lat_deg)
 
 
@@ -193,6 +195,7 @@ def _outside_area_deg(code: int, lon_deg: float, lat_deg: float) -> float:
 
 def choose_utm(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     """The UTM zone on WGS 84, with the neighbouring one as an alternative if its border is near."""
+    lon_deg = principal_deg(lon_deg)
     own = _utm_zone(lon_deg, lat_deg)
     if own is None:
         return None
@@ -209,7 +212,6 @@ def choose_utm(lon_deg: float, lat_deg: float) -> CrsChoice | None:
 
 def _utm_zone(lon_deg: float, lat_deg: float) -> CRSInfo | None:
     """The zone on WGS 84 whose area of use contains the site."""
-    lon_deg = (lon_deg + 180.0) % 360.0 - 180.0
     return next(
         (
             zone
@@ -232,9 +234,11 @@ def _eccentricity(box: _Box, lon_deg: float, lat_deg: float) -> float:
 
 
 def _outside_deg(box: _Box, lon_deg: float, lat_deg: float) -> float:
-    """Distance of the site from the box; 0 inside."""
+    """Distance of the site from the box, which may cross the antimeridian; 0 inside."""
     west, south, east, north = box
-    return math.hypot(max(west - lon_deg, 0.0, lon_deg - east), max(south - lat_deg, 0.0, lat_deg - north))
+    width = (east - west) % 360.0 or 360.0
+    beside = 0.0 if (lon_deg - west) % 360.0 <= width else min((west - lon_deg) % 360.0, (lon_deg - east) % 360.0)
+    return math.hypot(beside, max(south - lat_deg, 0.0, lat_deg - north))
 
 
 def _place(lon_deg: float, lat_deg: float) -> str:

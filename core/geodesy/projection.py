@@ -29,6 +29,7 @@ from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
 from furrowmap.core.geodesy.gravity import radius_m
+from furrowmap.core.geodesy.longitudes import middle_deg
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.file_signatures import binary_kind
@@ -543,14 +544,6 @@ def scale_at(crs: CRS, e_m: float, n_m: float) -> float:
     flat = crs.to_2d()
     scale = scale_of(flat, *Proj(flat)(e_m, n_m, inverse=True))
     return scale if math.isfinite(scale) else 1.0
-
-
-def middle_deg(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[float, float]:
-    """(longitude, latitude) in the middle of positions (n,), also across the 180th meridian."""
-    known = lon_deg[np.isfinite(lon_deg)]
-    first = float(known[0]) if len(known) else 0.0
-    east = float(np.median((known - first + 180.0) % 360.0)) - 180.0 if len(known) else float("nan")
-    return (first + east + 180.0) % 360.0 - 180.0, float(np.nanmedian(lat_deg))
 
 
 def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | None = None) -> MapFrame:

@@ -11,7 +11,7 @@ from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.agopengps import is_field_folder, read_outline
-from furrowmap.core.readers.areas.repair import made_valid, repaired
+from furrowmap.core.readers.areas.repair import made_valid, repaired, whole_in_degrees
 from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, is_task_data, open_task_sets, read_content
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -76,8 +76,9 @@ def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
     assert base is not None
     to_base = Transformer.from_crs(polygons.crs, base.to_2d(), always_xy=True)
     outlines = []
-    for shape in polygons.shapes:
-        outline = made_valid(shapely.transform(shape, lambda xy: np.column_stack(to_base.transform(*xy.T))))
+    shapes = shapely.transform(np.array(polygons.shapes, object), lambda xy: np.column_stack(to_base.transform(*xy.T)))
+    for shape in whole_in_degrees(shapes):
+        outline = made_valid(shape)
         if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
             raise _unreadable(path, "its polygons are empty, or their coordinates do not match its CRS")
         west, south, east, north = outline.bounds

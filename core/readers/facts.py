@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import Geod
 
+from furrowmap.core.geodesy.longitudes import middle_deg, west_east_deg
 from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import gps_minus_utc_s, iso_utc
@@ -52,11 +53,12 @@ def position_facts(track: GnssTrack) -> dict[str, Any]:
     if not len(track):
         return {}
     fixes = {fix.label: int(np.sum(track.fix == fix)) for fix in Fix}
+    lon_deg, lat_deg = middle_deg(track.lon_deg, track.lat_deg)
     facts: dict[str, Any] = {
         "epochs_by_fix": {label: count for label, count in fixes.items() if count},
         "place": {
-            "lat_deg": round(float(np.median(track.lat_deg)), 6),
-            "lon_deg": round(float(np.median(track.lon_deg)), 6),
+            "lat_deg": round(lat_deg, 6),
+            "lon_deg": round(lon_deg, 6),
         },
         "distance_m": round(float(steps_m(track).sum()), 1),
     }
@@ -76,7 +78,7 @@ def position_facts(track: GnssTrack) -> dict[str, Any]:
 
 
 def pose_facts(track: PoseTrack) -> dict[str, Any]:
-    """Number, location and attitude of poses, as [minimum, maximum]."""
+    """Number, location and attitude of poses, as [minimum, maximum]; longitudes as [west, east]."""
     names = ("e_m", "n_m", "h_m") if track.projected else ("lon_deg", "lat_deg", "h_m")
     columns = dict(zip(names, track.position.T, strict=True))
     columns |= {"roll_deg": track.roll_deg, "pitch_deg": track.pitch_deg}
@@ -85,6 +87,8 @@ def pose_facts(track: PoseTrack) -> dict[str, Any]:
         name: [round(float(values.min()), digits.get(name, 3)), round(float(values.max()), digits.get(name, 3))]
         for name, values in columns.items()
     }
+    if not track.projected:
+        ranges["lon_deg"] = [round(end, digits["lon_deg"]) for end in west_east_deg(track.position[:, 0])]
     return {
         "poses": len(track),
         "coordinates": "map frame" if track.projected else "geographic",

@@ -13,6 +13,7 @@ import numpy as np
 from pyproj import CRS
 from pyproj.database import get_units_map
 
+from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.readers.geotiff import HEIGHT_BAND_NAME, expect_heights, open_geotiff, short_keys
 from furrowmap.core.readers.vertical_keys import heights_by_keys, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
@@ -95,6 +96,14 @@ class HeightRaster:
     scale: HeightScale
     crs: CRS
     """With heights in metres."""
+
+    def columns_rows(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Columns and rows (n,), with fractions from the raster's corner, of places (n,) in its CRS."""
+        dataset = self.dataset
+        if self.crs.is_geographic:
+            x = unwrapped_deg(x, 0.5 * (dataset.bounds.left + dataset.bounds.right))
+        a, b, c, d, e, f = (~dataset.transform)[:6]
+        return a * x + b * y + c, d * x + e * y + f
 
     def read_m(self, rows: tuple[int, int], columns: tuple[int, int]) -> FloatArray:
         """Heights (rows, columns) in metres from a first row and column to before a last; nan where there is none.

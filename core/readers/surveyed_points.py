@@ -9,7 +9,7 @@ import numpy as np
 import pyproj
 import shapely
 
-from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.geodesy.crs_change import bounds_in, crs_change
 from furrowmap.core.readers.areas.area import horizontal_part, nothing_within, read_area
 from furrowmap.core.readers.ogr_layers import LAYER_MAGIC
 from furrowmap.core.readers.text_table import TextTable, read_table
@@ -122,8 +122,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
     flat, wanted = horizontal_part(source), horizontal_part(target)
     if not flat.equals(wanted, ignore_axis_order=True):
-        low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
-        change = crs_change(flat, wanted, (float(low[0]), float(low[1]), float(high[0]), float(high[1])))
+        change = crs_change(flat, wanted, bounds_in(flat, xyz[:, :2]))
         xyz = np.column_stack([change.points(xyz[:, :2]), xyz[:, 2]])
         notices += change.notices
     return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), tuple(notices))

@@ -9,7 +9,8 @@ from pyproj import Geod
 
 from furrowmap.core.geodesy.coordinates import JGD2024_SINCE_S, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.crs_choice import choose_crs
-from furrowmap.core.geodesy.projection import MapFrame, middle_deg
+from furrowmap.core.geodesy.longitudes import middle_deg
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.opened import open_session

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.geodesy.longitudes import principal_deg
 from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
@@ -125,7 +126,7 @@ def held_places(track: GnssTrack) -> NDArray[np.bool_]:
     for first, end in edges.tolist():
         last = min(end, len(track) - 1)
         north_deg = track.lat_deg[last] - track.lat_deg[first]
-        east_deg = (track.lon_deg[last] - track.lon_deg[first]) * np.cos(np.radians(track.lat_deg[first]))
+        east_deg = principal_deg(track.lon_deg[last] - track.lon_deg[first]) * np.cos(np.radians(track.lat_deg[first]))
         lasts_s = track.t_s[end - 1] - track.t_s[first - 1]
         speeds = track.speed_mps[first - 1 : end]
         known = np.isfinite(speeds).any()
@@ -141,7 +142,7 @@ def _comes_by_jump(track: GnssTrack, at: int) -> bool:
     if at < 1:
         return False
     north_deg = track.lat_deg[at] - track.lat_deg[at - 1]
-    east_deg = (track.lon_deg[at] - track.lon_deg[at - 1]) * np.cos(np.radians(track.lat_deg[at]))
+    east_deg = principal_deg(track.lon_deg[at] - track.lon_deg[at - 1]) * np.cos(np.radians(track.lat_deg[at]))
     return bool(M_A_DEGREE * np.hypot(east_deg, north_deg) > FASTEST_MPS * (track.t_s[at] - track.t_s[at - 1]))
 
 

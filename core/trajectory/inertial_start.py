@@ -22,7 +22,8 @@ from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, Chain, Knots, Obs
 from furrowmap.core.estimation.positions import RecordedHeadings
 from furrowmap.core.estimation.vehicle import ON_WHEELS, AlongNose, Standing
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
-from furrowmap.core.geodesy.projection import MapFrame, middle_deg
+from furrowmap.core.geodesy.longitudes import middle_deg
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError

@@ -21,7 +21,8 @@ from furrowmap.core.estimation.positions import (
     RecordedHeadings,
 )
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
-from furrowmap.core.geodesy.projection import MapFrame, middle_deg
+from furrowmap.core.geodesy.longitudes import middle_deg
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.inertial_rows import imu_notices, without_frozen
 from furrowmap.core.readers.reader import GivesAttitude, GivesInertial, GivesPoses, GivesTrack, Reader
 from furrowmap.core.runtime.arrays import FloatArray

@@ -9,9 +9,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.geodesy.longitudes import principal_deg
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.areas.area import Area
-from furrowmap.core.readers.areas.repair import made_valid
+from furrowmap.core.readers.areas.repair import made_valid, whole_in_degrees
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
@@ -101,7 +102,10 @@ def ground_to_map(file: Path, frame: MapFrame) -> Area:
 
 
 def _union(fields: Sequence[FieldOutline]) -> BaseGeometry:
-    return shapely.union_all([field.outline for field in fields])
+    """All fields as one, in longitude and latitude."""
+    together = np.array([shapely.union_all([field.outline for field in fields])], object)
+    whole: BaseGeometry = whole_in_degrees(together)[0]
+    return whole
 
 
 def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:
@@ -110,4 +114,4 @@ def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:
         return made_valid(shapely.transform(boundary, lambda xy: np.column_stack(frame.project(xy[:, 0], xy[:, 1]))))
     except RefusedError as error:
         lon, lat = boundary.centroid.coords[0]
-        raise InputError("boundary-elsewhere", lat=lat, lon=lon, frame=frame.name) from error
+        raise InputError("boundary-elsewhere", lat=lat, lon=principal_deg(lon), frame=frame.name) from error

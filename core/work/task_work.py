@@ -12,6 +12,7 @@ from pyproj import Geod
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.crs_choice import choose_crs
+from furrowmap.core.geodesy.longitudes import middle_deg
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.isoxml.log import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
@@ -101,7 +102,7 @@ def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
     if crs is not None:
         return map_frame(Crs(map=crs))
     longest = max(tasks, key=lambda task: len(task.track))
-    choice = choose_crs(float(np.median(longest.track.lon_deg)), float(np.median(longest.track.lat_deg)))
+    choice = choose_crs(*middle_deg(longest.track.lon_deg, longest.track.lat_deg))
     if choice is None:
         raise InputError("crs-unknown.frame", source=longest.track.source)
     return map_frame(Crs(map=choice.code))

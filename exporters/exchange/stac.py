@@ -13,9 +13,11 @@ from typing import Any, Final
 
 import laspy
 import numpy as np
+import shapely
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.geodesy.longitudes import cut_at_antimeridian, west_east_deg
 from furrowmap.core.geodesy.projection import stated_frame
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import is_file_name
@@ -208,7 +210,8 @@ def _item(
     share = np.linspace(0.0, 1.0, _EDGE_POINTS)[:-1, None]
     x, y = (corners[:-1, None] + share * np.diff(corners, axis=0)[:, None]).reshape(-1, 2).T
     lon, lat = (values.round(_FOOTPRINT_DIGITS) for values in crs_change(crs, CRS("EPSG:4326"), bounds_m)(x, y))
-    ring = np.column_stack([lon, lat]).tolist()
+    (footprint,) = cut_at_antimeridian(np.array([shapely.Polygon(np.column_stack([lon, lat]))], object))
+    west, east = west_east_deg(lon)
     start, end = (moment.isoformat().replace("+00:00", "Z") for moment in span)
     authority = crs.to_authority()
     projection = {"proj:code": ":".join(authority)} if authority else {"proj:projjson": json.loads(crs.to_json())}
@@ -218,8 +221,8 @@ def _item(
         "stac_version": _STAC_VERSION,
         "stac_extensions": [_PROCESSING, _PROJECTION, *extensions],
         "id": name,
-        "geometry": {"type": "Polygon", "coordinates": [[*ring, ring[0]]]},
-        "bbox": [float(end) for end in (lon.min(), lat.min(), lon.max(), lat.max())],
+        "geometry": json.loads(shapely.to_geojson(footprint)),
+        "bbox": [west, float(lat.min()), east, float(lat.max())],
         "properties": properties | times | {"proj:code": None} | projection | {"proj:bbox": list(bounds_m)},
         "links": [],
         "assets": {},
@@ -244,11 +247,12 @@ def _write_collection(folder: Path, root: str, about: Mapping[str, Any], items: 
         content = item | {"links": own, "collection": about["id"]}
         (folder / f"{item['id']}.json").write_text(json_text(content), encoding="utf-8")
     boxes = np.array([item["bbox"] for item in items])
+    west, east = west_east_deg(boxes[:, [0, 2]].ravel())
     interval = [
         choose((item["properties"][f"{end}_datetime"] for item in items), key=dt.datetime.fromisoformat)
         for choose, end in ((min, "start"), (max, "end"))
     ]
-    box = [*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist()]
+    box = [west, float(boxes[:, 1].min()), east, float(boxes[:, 3].max())]
     collection = {"type": "Collection", "stac_version": _STAC_VERSION, **about, "license": _LICENCE, "links": links}
     if "table:columns" in about:
         collection["stac_extensions"] = [_TABLE]

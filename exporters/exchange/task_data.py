@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from pyproj import CRS, Geod
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.geodesy.longitudes import principal_deg
+from furrowmap.core.readers.areas.repair import whole_in_degrees
 from furrowmap.core.readers.isoxml.content import MAIN
 from furrowmap.core.readers.isoxml.log import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
 from furrowmap.core.readers.isoxml.time_log import EPOCH_S
@@ -123,8 +125,10 @@ def _of_tool(layer: VectorLayer, implement: dict[str, Any]) -> VectorLayer:
 def _boundary(result: ResultFolder, implement: dict[str, Any]) -> tuple[BaseGeometry, list[Notice]]:
     """The field's boundary in longitude and latitude: the session's, or the outline of the worked ground."""
     if BOUNDARY in result.layer_names:
-        changed, _ = changed_crs({BOUNDARY: result.layer(BOUNDARY)}, CRS("EPSG:4326"))
-        return shapely.union_all(changed[BOUNDARY].shapes), []
+        stated = result.layer(BOUNDARY)
+        boundary = VectorLayer(np.array([shapely.union_all(stated.shapes)]), {}, stated.crs)
+        changed, _ = changed_crs({BOUNDARY: boundary}, CRS("EPSG:4326"))
+        return whole_in_degrees(changed[BOUNDARY].shapes)[0], []
     notice = Notice("boundary-from-work")
     coverage = _of_tool(result.layer("coverage"), implement)
     half = 0.5 * float(implement["width_m"])
@@ -132,7 +136,7 @@ def _boundary(result: ResultFolder, implement: dict[str, Any]) -> tuple[BaseGeom
     closed = shapely.buffer(shapely.buffer(whole, half, join_style="mitre"), -half, join_style="mitre")
     outline = VectorLayer(np.array([shapely.simplify(closed, OUTLINE_TOLERANCE_M)]), {}, coverage.crs)
     changed, _ = changed_crs({"outline": outline}, CRS("EPSG:4326"))
-    return changed["outline"].shapes[0], [notice]
+    return whole_in_degrees(changed["outline"].shapes)[0], [notice]
 
 
 def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArray[np.uint8], width_mm: int) -> bytes:
@@ -197,7 +201,7 @@ def _main(
         for kind, ring in (("1", part.exterior), *(("2", hole) for hole in part.interiors)):
             line = ET.SubElement(polygon, "LSG", A=kind)
             for lon, lat in shapely.get_coordinates(ring)[:-1].tolist():
-                ET.SubElement(line, "PNT", A="2", C=f"{lat:.9f}", D=f"{lon:.9f}")
+                ET.SubElement(line, "PNT", A="2", C=f"{lat:.9f}", D=f"{principal_deg(lon):.9f}")
     task = ET.SubElement(root, "TSK", A=TASK, B=_name(result.name), E=FIELD_ID, G="4")
     begin, end = (f"{np.datetime64(round(1000.0 * t), 'ms')}Z" for t in span_s)
     time = ET.SubElement(task, "TIM", A=begin, B=end, D="4")

@@ -24,6 +24,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.arrays import FloatArray
@@ -77,7 +78,7 @@ def write_kml(path: Path, layers: Mapping[str, VectorLayer], origin: Origin, zon
             _add_lines(folder, layer, styles[name])
             notices.append(Notice("kml-trajectory"))
         else:
-            for shape, row in zip(layer.shapes, layer.rows(), strict=True):
+            for shape, row in zip(cut_at_antimeridian(layer.shapes), layer.rows(), strict=True):
                 if shape is not None and not shape.is_empty:
                     _add_placemark(folder, name, shape, row, styles[name], zone)
     ET.indent(root)

@@ -15,6 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError
 
@@ -51,21 +52,31 @@ def write_vector_layer(
     metadata: Mapping[str, str] | None = None,
     **options: Any,
 ) -> None:
-    """Write a layer into a new file, or a new layer of a GeoPackage; `driver` is GDAL's name of the format."""
+    """Write a layer into a new file, or a new layer of a GeoPackage; `driver` is GDAL's name of the format.
+
+    In a geographic CRS, geometries that cross the antimeridian are cut there.
+    """
+    shapes = _in_one_world(layer)
     times = [column for column, values in layer.columns.items() if values.dtype == "datetime64[ms]"]
     write_arrays(
         target,
-        shapely.to_wkb(layer.shapes),
+        shapely.to_wkb(shapes),
         list(layer.columns.values()),
         list(layer.columns),
         layer=name,
         driver=driver,
-        geometry_type=_geometry_type(layer.shapes, driver),
+        geometry_type=_geometry_type(shapes, driver),
         crs=_crs_text(layer.crs) if layer.crs is not None else None,
         gdal_tz_offsets={column: np.full(len(layer), UTC_OFFSET, np.int8) for column in times},
         dataset_metadata=metadata,
         **options,
     )
+
+
+def _in_one_world(layer: VectorLayer) -> NDArray[np.object_]:
+    """The geometries, cut at the antimeridian where they are in degrees."""
+    in_degrees = layer.crs is not None and CRS(layer.crs).is_geographic
+    return cut_at_antimeridian(layer.shapes) if in_degrees else layer.shapes
 
 
 def _geometry_type(shapes: NDArray[np.object_], driver: str) -> str:
@@ -91,7 +102,7 @@ def geodataframe(layer: VectorLayer) -> geopandas.GeoDataFrame:
         import geopandas
     except ImportError:
         raise InputError("extra-missing.tables", package="geopandas") from None
-    table = geopandas.GeoDataFrame(layer.columns, geometry=layer.shapes, crs=layer.crs)
+    table = geopandas.GeoDataFrame(layer.columns, geometry=_in_one_world(layer), crs=layer.crs)
     times: dict[str, Any] = {
         name: table[name].dt.tz_localize("UTC") for name, v in layer.columns.items() if v.dtype == "datetime64[ms]"
     }

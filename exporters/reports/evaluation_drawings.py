@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from furrowmap.core.checking.evaluation import Evaluation
+from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.earth import SEMI_MAJOR_M
 from furrowmap.core.values.gnss import Fix
@@ -80,7 +81,8 @@ def services_map(evaluations: Mapping[str, Evaluation], colours: Mapping[str, st
     lon, lat = float(first.lon_deg[0]), float(first.lat_deg[0])
     scale = np.radians(1.0) * SEMI_MAJOR_M * np.array([math.cos(math.radians(lat)), 1.0])
     tracks = {
-        name: np.column_stack([found.lon_deg - lon, found.lat_deg - lat]) * scale for name, found in evaluations.items()
+        name: np.column_stack([unwrapped_deg(found.lon_deg, lon) - lon, found.lat_deg - lat]) * scale
+        for name, found in evaluations.items()
     }
     references = {name: tracks[name] - found.matched.error_m[:, :2] for name, found in evaluations.items()}
     sheet = _sheet(np.concatenate([*tracks.values(), *references.values()]))

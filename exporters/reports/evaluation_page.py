@@ -12,6 +12,7 @@ import shapely
 
 from furrowmap.core.checking.evaluation import DEFINITIONS, QUANTILES, ErrorTable, Evaluation
 from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
+from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.values.earth import earth_centred_m, east_north_up, geodetic
@@ -168,7 +169,7 @@ def gnss_layers(evaluations: Mapping[str, Evaluation]) -> list[Layer]:
         "rmse_z_m": np.array([*(table["Z"].rmse_m for table in known), np.nan]),
     }
     words = "Tracks of GNSS services and of their reference"
-    return [errors, Layer("gnss_tracks", "MultiLineString", words, geometry_array(lines), columns)]
+    return [errors, Layer("gnss_tracks", "MultiLineString", words, cut_at_antimeridian(geometry_array(lines)), columns)]
 
 
 def _line(found: Evaluation, lon_deg: FloatArray, lat_deg: FloatArray) -> shapely.MultiLineString:

@@ -138,8 +138,8 @@ function drawBackground(east, north, reach, pixelsPerMetre) {
     const count = 2 ** zoom, around = reach / unit * count;
     if (around > 8) continue;  // a map of small tiles only, seen from far
     for (let row = Math.max(0, Math.floor(y * count - around)); row <= Math.min(count - 1, y * count + around); row++) {
-      for (let column = Math.max(0, Math.floor(x * count - around)); column <= Math.min(count - 1, x * count + around); column++) {
-        const image = imageOf(`tiles/${zoom}/${column}/${row}`);
+      for (let column = Math.floor(x * count - around); column <= x * count + around; column++) {
+        const image = imageOf(`tiles/${zoom}/${(column % count + count) % count}/${row}`); // the world goes on at 180°
         if (!image) continue;
         const dx = column / count - at[0], dy = row / count - at[1];
         pen.save();

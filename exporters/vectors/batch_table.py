@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.batch_state import SessionOutcome
@@ -56,7 +57,8 @@ def outlines(layers: Mapping[str, Any], frame: MapFrame) -> tuple[str, str]:
     def lon_lat(xy: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.column_stack(frame.to_lon_lat(xy[:, 0], xy[:, 1])).round(_DEGREE_DIGITS)
 
-    footprint, path = (shapely.transform(shape, lon_lat) for shape in (hull([track, *ground]), track))
+    whole = shapely.transform(np.array([hull([track, *ground]), track], object), lon_lat)
+    footprint, path = cut_at_antimeridian(whole).tolist()
     return shapely.to_wkb(footprint, hex=True), shapely.to_wkb(path, hex=True)
 
 
@@ -93,10 +95,11 @@ def write_layers(folder: Path, rows: Sequence[Row]) -> None:
     }
     footprints = [shapely.from_wkb(row.outcome.footprint) for row in done]
     tracks = [shapely.from_wkb(row.outcome.track) for row in done]
+    kind = "MultiPolygon" if any(shape.geom_type == "MultiPolygon" for shape in footprints) else "Polygon"
     sessions = "Where each session took place: the hull of its trajectory and worked ground"
     with atomic_output(folder / BATCH_LAYERS) as unfinished:
         for layer in (
-            Layer("sessions", "Polygon", sessions, geometry_array(footprints), columns),
+            Layer("sessions", kind, sessions, geometry_array(footprints), columns),
             Layer("tracks", "MultiLineString", "The path of the vehicle", geometry_array(tracks), columns),
         ):
             write_layer(unfinished, layer, "EPSG:4326", indexed=True)

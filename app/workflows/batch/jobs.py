@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.coordinates import transform_poses, transform_track
+from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
@@ -223,6 +224,7 @@ def _near(field: FieldOutline, opened: OpenSession, xy_m: NDArray[np.float64]) -
     """Whether the drive may have entered a field: fields far away may lie outside of the map."""
     lon, lat = opened.frame.to_lon_lat(*xy_m[:: max(1, len(xy_m) // 1000)].T)
     west, south, east, north = field.outline.bounds
+    lon = unwrapped_deg(lon, 0.5 * (west + east))
     beyond = 0.001
     inside = (lon >= west - beyond) & (lon <= east + beyond) & (lat >= south - beyond) & (lat <= north + beyond)
     return bool(inside.any())

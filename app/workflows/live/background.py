@@ -12,6 +12,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.sqlite_file import limited_steps
 from furrowmap.core.runtime.errors import InputError, RefusedError
@@ -44,6 +45,7 @@ class BackgroundMap:
         lon, lat = frame.to_lon_lat(
             e_m + NEAR_M * np.array([0, -1, 1, 0, 0]), n_m + NEAR_M * np.array([0, 0, 0, -1, 1])
         )
+        lon = unwrapped_deg(lon)
         at = np.array([lon / 360.0 + 0.5, 0.5 - np.arcsinh(np.tan(np.radians(lat))) / (2.0 * math.pi)])
         steps = np.array([at[:, 2] - at[:, 1], at[:, 4] - at[:, 3]]).T / (2.0 * NEAR_M)
         return {

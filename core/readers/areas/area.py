@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.readers.areas.repair import workable
+from furrowmap.core.geodesy.longitudes import middle_deg
+from furrowmap.core.readers.areas.repair import whole_in_degrees, workable
 from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.text_table import is_separator_line, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, VECTOR_FORMATS, Polygons, Unreadable, read_polygons
@@ -120,11 +121,11 @@ def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) 
         raise InputError("polygons-crs", what=what, source=source.name, flat=flat.name)
     to_base = Transformer.from_crs(source, base.to_2d(), always_xy=True)
     to_map = Transformer.from_crs(map_base.to_2d(), flat, always_xy=True)
-    round_earth = shapely.transform(given, lambda xy: np.column_stack(to_base.transform(*xy.T)))
-    lon, lat = np.median(shapely.get_coordinates(round_earth), axis=0)
+    round_earth = whole_in_degrees(shapely.transform(given, lambda xy: np.column_stack(to_base.transform(*xy.T))))
+    lon, lat = middle_deg(*shapely.get_coordinates(round_earth).T)
     if not base.to_2d().equals(map_base.to_2d(), ignore_axis_order=True):
         for crs in (base, map_base):
-            shift_m = datum_shift_m(crs, round(float(lon), 1), round(float(lat), 1))
+            shift_m = datum_shift_m(crs, round(lon, 1), round(lat, 1))
             if shift_m is not None and shift_m > LARGEST_DATUM_SHIFT_M:
                 raise InputError("polygons-datum", what=what, base=crs.name, shift_m=shift_m)
     moved = shapely.transform(round_earth, lambda xy: np.column_stack(to_map.transform(*xy.T)))

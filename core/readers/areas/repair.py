@@ -33,16 +33,45 @@ _MAX_COMPARED: Final = 500_000_000
 def workable(shapes: Sequence[BaseGeometry], crs: CRS | None) -> NDArray[Any]:
     """Polygons and multipolygons (n,) as GEOS can work with them; those with few corners are unchanged.
 
+    Without a CRS, and in a geographic one, the coordinates are longitudes and latitudes: polygons across the
+    antimeridian, cut there (RFC 7946, 3.1.9) or not, become whole and reach beyond 180° on one side.
+
     Raises:
         ValueError: if their edges cross, or come close to, each other too often.
     """
     found = np.array([*shapes, None], object)[:-1]
-    finest = _FINEST_DEG if crs is None or crs.is_geographic else FINEST_M / crs.axis_info[0].unit_conversion_factor
+    if crs is None or crs.is_geographic:
+        finest = _FINEST_DEG
+        found = whole_in_degrees(found)
+    else:
+        finest = FINEST_M / crs.axis_info[0].unit_conversion_factor
     for k in np.flatnonzero(shapely.get_num_coordinates(found) > _FEW_EDGES):
         found[k] = _without_repeated_rings(found[k])
         if shapely.get_num_coordinates(found[k]) > MANY_CORNERS:
             found[k] = _thinned(found[k], finest)
     expect_few_crossings(found)
+    return found
+
+
+def whole_in_degrees(shapes: NDArray[Any]) -> NDArray[Any]:
+    """Polygons (n,) in longitude and latitude that cross the antimeridian, cut there or not, as whole ones.
+
+    They reach beyond 180° on one side; others are unchanged.
+
+    Raises:
+        ValueError: as :func:`workable`.
+    """
+    xy, of = shapely.get_coordinates(shapes, return_index=True)
+    if not len(xy) or not np.isfinite(xy).all() or np.ptp(xy[:, 0]) <= 180.0:
+        return shapes
+    first = xy[np.searchsorted(of, of), 0]
+    turns = np.round((xy[:, 0] - first) / 360.0)
+    found = shapely.set_coordinates(shapes.copy(), np.column_stack([xy[:, 0] - 360.0 * turns, xy[:, 1]]))
+    crossing = np.unique(of[turns != 0.0])
+    expect_few_crossings(found[crossing])
+    for k in crossing:
+        parts = [made_valid(part) for part in shapely.get_parts(found[k])]
+        found[k] = parts[0] if len(parts) == 1 else shapely.union_all(parts)
     return found
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.readers.areas.repair import expect_few_crossings, repaired
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -338,9 +339,14 @@ def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
     """A polygon with its holes, in version 4 of several exteriors; invalid rings are dropped with a notice."""
     shells: list[BaseGeometry] = []
     holes: list[BaseGeometry] = []
+    first_deg: float | None = None
     for ring in item.all("LSG"):
         places = [(_degrees(p.get("D")), _degrees(p.get("C"))) for p in ring.all("PNT")]
         usable = [(lon, lat) for lon, lat in places if abs(lon) <= 180.0 and abs(lat) <= 90.0]
+        if usable:
+            first_deg = usable[0][0] if first_deg is None else first_deg
+            lon_deg = unwrapped_deg(np.array([lon for lon, _ in usable]), first_deg)
+            usable = [(lon, lat) for lon, (_, lat) in zip(lon_deg.tolist(), usable, strict=True)]
         far = len(usable) > 0 and bool(np.ptp(usable, axis=0).max() > MAX_FIELD_DEG)
         if len(usable) < 3 or len(usable) < len(places) or far or ring.get("A") not in (*EXTERIORS, INTERIOR):
             notices.append(Notice("boundary-ring", name=name, usable=len(usable), places=len(places)))

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.readers.facts import position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.isoxml.content import (
@@ -504,7 +505,7 @@ def _time_sigmas(track: GnssTrack) -> tuple[FloatArray, float]:
     if len(track) < 3:
         return np.zeros(len(track)), LATE_S
     metres = METRES_A_DEGREE * np.array([np.cos(np.radians(np.median(track.lat_deg))), 1.0])
-    en_m = np.column_stack([track.lon_deg, track.lat_deg]) * metres
+    en_m = np.column_stack([unwrapped_deg(track.lon_deg), track.lat_deg]) * metres
     step_s = np.diff(track.t_s)
     chord_m, chord_s = en_m[2:] - en_m[:-2], step_s[1:] + step_s[:-1]
     speed = np.linalg.norm(chord_m, axis=1) / chord_s

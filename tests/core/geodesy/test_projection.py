@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pyproj import CRS, Geod, Proj, Transformer
 
-from furrowmap.core.geodesy.projection import map_frame, middle_deg, scale_at
+from furrowmap.core.geodesy.longitudes import middle_deg
+from furrowmap.core.geodesy.projection import map_frame, scale_at
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.values.session import Crs
 
