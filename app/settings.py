@@ -63,7 +63,7 @@ class SurfaceSettings:
             roughness.
         crs: CRS of input files without one.
         dst_crs: CRS of the output, in metres [default: that of the input].
-        within: Keep points in these polygons: a vector file, or a CSV of corners.
+        within: Keep points in these polygons: a vector file, a table of corners, a field of AgOpenGPS, or task data.
 
     Raises:
         UsageError: if there is no such statistic.
@@ -105,7 +105,7 @@ class CleanSettings:
         box_crs: CRS of --bbox, if it differs.
         crs: CRS of input files without one.
         dst_crs: CRS of the output, in metres [default: that of the input].
-        within: Keep points in these polygons: a vector file, or a CSV of corners.
+        within: Keep points in these polygons: a vector file, a table of corners, a field of AgOpenGPS, or task data.
     """
 
     cleaning: Cleaning = field(default_factory=Cleaning)
@@ -127,7 +127,7 @@ class FeatureSettings:
         box_crs: CRS of --bbox, if it differs.
         crs: CRS of input files without one.
         dst_crs: CRS of the output, in metres [default: that of the input].
-        within: Keep points in these polygons: a vector file, or a CSV of corners.
+        within: Keep points in these polygons: a vector file, a table of corners, a field of AgOpenGPS, or task data.
     """
 
     ground: Literal["auto", "class", "smrf", "csf"] = _ground()
@@ -311,7 +311,7 @@ class CheckSettings:
         diameter_m: Diameter of the discs.
         points_sigma_m: Standard deviation of the survey on each axis.
         class_m: Maximum vertical RMSE (else exit status 4).
-        within: Compare points in these polygons only: a vector file, or a CSV of corners.
+        within: Compare points in these polygons only: a vector file, a table of corners, a field of AgOpenGPS, or task data.
     """
 
     targets: Targets = setting(
@@ -413,7 +413,7 @@ class TieSettings:
     """How dates are tied.
 
     Attributes:
-        reference: Surveyed surface (GeoTIFF) or points (CSV or GeoPackage) to move the dates onto.
+        reference: Surveyed surface (GeoTIFF) or points (table, vector file, Elevation.txt) to move the dates onto.
         reference_sigma_m: Standard deviation of the heights of the reference.
     """
 

@@ -137,7 +137,7 @@ def check(
     table_file: Path | None,
     **options: Any,
 ) -> None:
-    """Compare CLOUD_OR_DSM (LAS, LAZ, COPC or GeoTIFF) with surveyed POINTS (CSV or GeoPackage).
+    """Compare CLOUD_OR_DSM (LAS, LAZ, COPC or GeoTIFF) with surveyed POINTS (table or vector file).
 
     The height of a point cloud is that of a plane fitted to the returns around a checkpoint; that of a surface is
     interpolated bilinearly. Reports the RMSE according to the ASPRS Positional Accuracy Standards, Edition 2 (2023),

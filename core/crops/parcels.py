@@ -11,7 +11,8 @@ import shapely
 from pyproj import CRS
 
 from furrowmap.core.geodesy.projection import scale_at
-from furrowmap.core.readers.areas.area import IDS, polygons_on_map
+from furrowmap.core.readers.areas.area import polygons_on_map
+from furrowmap.core.readers.areas.polygons import IDS
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice

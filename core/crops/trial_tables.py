@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 
 from furrowmap.core.crops.parcels import BLOCK_COLUMNS, list_names
-from furrowmap.core.readers.areas.area import IDS
-from furrowmap.core.readers.text_table import read_sheet
+from furrowmap.core.readers.areas.polygons import IDS
+from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.values.parcel import Attribute, Parcel
@@ -54,7 +54,7 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
     def unreadable(why: str) -> InputError:
         return InputError("treatments-unreadable", path=path, why=why)
 
-    table = read_sheet(path, unreadable)
+    table = read_table(path, unreadable)
     column = table.find((*IDS, TREATMENT))
     if column is None or not table.lines:
         raise unreadable(f"no rows under a column id or treatment (its columns: {table.names})")
@@ -153,7 +153,7 @@ def read_measured(path: Path, measure: str) -> MeasuredTable:
     def unreadable(why: str) -> InputError:
         return InputError("parcel-table-unreadable", path=path, why=why)
 
-    table = read_sheet(path, unreadable)
+    table = read_table(path, unreadable)
     column = table.find(IDS)
     wanted = measure.casefold()
     if column is None or wanted not in table.columns or not table.lines:

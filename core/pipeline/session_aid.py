@@ -69,22 +69,25 @@ def aid_session(
     control: ControlPoints | None = None
     if inputs.control_points is not None:
         points = read_points(inputs.control_points, opened.frame.whole_crs)
-        seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name)
+        notices += points.notices
+        seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name, notices)
         control = ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
     images, camera = opened.images(notices), opened.camera()
     return aid_by_images(located, images, camera, scale, control, notices, progress, features)
 
 
-def read_pixels(path: Path, names: tuple[str, ...]) -> tuple[tuple[str, int, float, float], ...]:
+def read_pixels(path: Path, names: tuple[str, ...], notices: list[Notice]) -> tuple[tuple[str, int, float, float], ...]:
     """Image's file name, number of the point, column and row of control points in images.
 
     Args:
-        path: of a CSV with columns file, name, u, v.
+        path: of a CSV or spreadsheet with columns file, name, u, v.
+        notices: what was decided where the file leaves it open is added.
 
     Raises:
         InputError: if it is not such a table, or names a point that is not known.
     """
     table = read_table(path, partial(_unreadable, path))
+    notices += table.notices
     lacking = [name for name in _COLUMNS if name not in table.columns]
     if lacking:
         raise _unreadable(path, f"it has no columns {', '.join(lacking)}")

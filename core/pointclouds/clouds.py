@@ -20,6 +20,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import full_name_of
+from furrowmap.core.values.height_units import with_height_unit
 from furrowmap.core.values.scan import PointClass
 
 SAME_PLACE_M: Final = 1e-4
@@ -186,8 +187,9 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     if unit_m != 1.0:
         notices.append(Notice("heights-in-feet", unit_m=unit_m))
     whole = target
-    if height is not None and unit_m == 1.0:
-        whole = CompoundCRS(f"{target.name} + {height.name}", [target, height])
+    if height is not None:
+        metric = height if unit_m == 1.0 else with_height_unit(height, 1.0, "metre")
+        whole = CompoundCRS(f"{target.name} + {metric.name}", [target, metric])
     return Clouds(files, whole, change, unit_m, tuple(notices))
 
 

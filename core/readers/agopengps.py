@@ -1,10 +1,13 @@
-"""Field folders of AgOpenGPS: the field's boundary.
+"""Field folders of AgOpenGPS: the field's boundary, and the heights of the ground along its drives.
 
 `Field.txt` has the origin of the field's plane in degrees below `StartFix`; `Boundary.txt` has a flag, a number of
-corners, and east, north and heading of each, for the boundary and then for each hole. No file of the folder has times.
+corners, and east, north and heading of each, for the boundary and then for each hole. `Elevation.txt` has latitude,
+longitude, height of the ground (of the receiver above its geoid, less the height of the antenna) and kind of fix each
+1.7 m. No file of the folder has times.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -15,12 +18,26 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.plain_reads import open_plain, read_plain_text
 
-FIELD, BOUNDARY = "Field.txt", "Boundary.txt"
+FIELD: Final = "Field.txt"
+BOUNDARY: Final = "Boundary.txt"
+ELEVATION: Final = "Elevation.txt"
 PARTS: Final = (b"$FieldDir", b"$Boundary", b"$RecPath", b"$Contour")
 """Begin the files, those of the first kind behind a line with the date."""
 _MAX_FIELD_BYTES: Final = 1 << 26
 _MAX_FROM_ORIGIN_M: Final = 100_000.0
 _FLAGS: Final = ("true", "false")
+_FIXED: Final = 4
+"""The kind of fix of NMEA's GGA."""
+_ELEVATION_HEADER: Final = "Latitude,Longitude,Elevation,"
+_HEAD_BYTES: Final = 4096
+
+
+@dataclass(frozen=True)
+class Elevations:
+    """Longitude, latitude in degrees and height in metres (n, 3), and how many of them are of fixed ambiguities."""
+
+    lon_lat_h: FloatArray
+    fixed: int
 
 
 def is_field_folder(path: Path) -> bool:
@@ -52,6 +69,44 @@ def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shape
     outline, *holes = (_lon_lat(en_m, origin) for _, en_m in rings)
     kept = [hole for (through, _), hole in zip(rings[1:], holes, strict=True) if not through]
     return shapely.Polygon(outline, kept)
+
+
+def elevation_file(path: Path) -> Path | None:
+    """The file of heights that a path is, or that a field folder has; None of any other path."""
+    if path.is_dir():
+        return path / ELEVATION if is_field_folder(path) else None
+    try:
+        with open_plain(path) as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError:
+        return None
+    return path if PARTS[0] in head and _ELEVATION_HEADER.encode() in head else None
+
+
+def read_elevations(path: Path, unreadable: Callable[[str], InputError]) -> Elevations:
+    """The heights of the ground in an `Elevation.txt`; a last line that is cut is left out.
+
+    The error of `unreadable` if there is none, or it is damaged.
+    """
+    lines = _lines(path, unreadable)
+    below = next((k + 1 for k, line in enumerate(lines) if line.startswith(_ELEVATION_HEADER)), len(lines))
+    rows = []
+    for k, line in enumerate(lines[below:], start=below):
+        # some versions group the digits of metres from the origin by commas: only the first four are certain
+        cells = line.split(",")
+        try:
+            lat_deg, lon_deg, height_m, fix = (float(cell) for cell in cells[:4])
+        except ValueError:
+            if k == len(lines) - 1:
+                break
+            raise unreadable(f"{path.name} is damaged at {line[:40]!r}") from None
+        rows.append((lon_deg, lat_deg, height_m, fix))
+    if not rows:
+        raise unreadable(f"{path.name} has no heights: AgOpenGPS writes them if they are switched on")
+    found = np.array(rows)
+    if not (np.isfinite(found).all() and (np.abs(found[:, 1]) <= 90.0).all() and (np.abs(found[:, 0]) <= 180.0).all()):
+        raise unreadable(f"{path.name} has places that are none")
+    return Elevations(found[:, :3], int((found[:, 3] == _FIXED).sum()))
 
 
 def _lon_lat(en_m: FloatArray, origin: tuple[float, float]) -> FloatArray:

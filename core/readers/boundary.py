@@ -10,11 +10,11 @@ import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.readers.agopengps import is_field_folder, read_outline
-from furrowmap.core.readers.areas.repair import made_valid, repaired, whole_in_degrees
-from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, is_task_data, open_task_sets, read_content
-from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.readers.areas.polygons import open_polygons
+from furrowmap.core.readers.areas.repair import made_valid, whole_in_degrees
+from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG
+from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
@@ -29,27 +29,15 @@ class FieldOutline:
     outline: BaseGeometry
 
 
-def read_fields(path: Path, notices: list[Notice] | None = None) -> list[FieldOutline]:
-    """The fields of a vector file (:mod:`.vector_file`), a feature each, or of task data, in longitude and latitude.
+def read_fields(path: Path, notices: list[Notice] | None = None, target: CRS | None = None) -> list[FieldOutline]:
+    """The fields of a file or folder (:mod:`.areas.polygons`), a polygon each, in longitude and latitude.
 
-    A folder of AgOpenGPS is one field. What was decided where a file leaves it open is added to `notices`.
+    What was decided where a file leaves it open is added to `notices`; `target` is the CRS of the map, if it is known.
 
     Projected coordinates are converted to longitude and latitude of the same datum; no datum is changed. InputError if
     the file has another format, cannot be read, has no polygon, states no CRS, or one on a historical datum.
     """
-    if is_field_folder(path):
-        outline = read_outline(path, partial(_unreadable, path))
-        try:
-            return [FieldOutline(_texts((path.name,)), repaired(outline))]
-        except ValueError as error:
-            raise _unreadable(path, str(error)) from None
-    if is_task_data(path):
-        fields = [one for files in open_task_sets(path) for one in read_content(files).partfields.values()]
-        known = [FieldOutline(_texts((one.name, one.id)), one.boundary) for one in fields if one.boundary is not None]
-        if not known:
-            raise _unreadable(path, f"none of its {len(fields)} fields has a boundary")
-        return known
-    polygons = read_polygons(path, partial(_unreadable, path))
+    polygons = open_polygons(path, target, partial(_unreadable, path))
     if notices is not None:
         notices += polygons.notices
     try:
@@ -64,6 +52,15 @@ def read_fields(path: Path, notices: list[Notice] | None = None) -> list[FieldOu
         raise InputError("boundary-datum", path=path, base=base.name, apart=apart)
     rows = zip(polygons.attributes, outlines, strict=True)
     return [FieldOutline(_texts(attributes.values()), outline) for attributes, outline in rows]
+
+
+def notices_of_fields(path: Path) -> tuple[Notice, ...]:
+    """What :func:`read_fields` notices of a file; nothing of one that cannot be read."""
+    try:
+        # notices do not depend on the map
+        return open_polygons(path, CRS.from_epsg(3857), partial(_unreadable, path)).notices
+    except FurrowmapError:
+        return ()
 
 
 def _texts(values: Iterable[object]) -> tuple[str, ...]:

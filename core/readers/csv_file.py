@@ -11,7 +11,9 @@ from typing import Final
 
 import numpy as np
 
+from furrowmap.core.readers.csv_text import before_header, has_decimal_commas, header_of, row_cells, with_points
 from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.readers.text_encoding import decoded
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import binary_kind
@@ -21,6 +23,8 @@ TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
 """Columns of time, the preferred one first, and their time scales."""
 CSV_CHUNK_BYTES: Final = 1 << 23
 MAX_HEADER_BYTES: Final = 4096
+_LOOKED_AT_ROWS: Final = 1000
+"""That show whether a comma stands for the point of numbers."""
 MAX_TAIL_BYTES: Final = 8192
 LONGEST_LINE_BYTES: Final = 1 << 24
 COMPARED_LINES: Final = 8
@@ -29,6 +33,8 @@ _POSITION_NAME: Final = re.compile(
     r"^(e|n|h|x|y|z|east|north|easting|northing)(_m)?$|lon|lat(_|$|itude)|east|north|alt|height"
 )
 _FIELD_PATTERN: Final = re.compile(rb"[^,;\s]+")
+_FIELD_WITH_COMMAS: Final = re.compile(rb"[^;\s]+")
+"""Of lines that commas do not separate."""
 _WHOLE_DIGITS: Final = re.compile(rb'^"?[-+]?\d*')
 _NO_VALUE: Final = frozenset(
     {"", "na", "n/a", "#n/a", "#na", "<na>", "null", "none", "1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan"}
@@ -59,7 +65,7 @@ TIME_COLUMN: Final = Column(dict.fromkeys(TIMES, 1.0))
 
 
 class CsvFile(Source):
-    """An open CSV file whose header has been read; comma, semicolon or tab separates fields.
+    """An open CSV file whose header has been read (:mod:`.csv_text`): of any code page, with points or decimal commas.
 
     InputError if it is no text, or has a line without an end. Notices that the file is cut, or that rows are dropped,
     are added while rows are read.
@@ -68,12 +74,22 @@ class CsvFile(Source):
     def __init__(self, path: Path, notices: list[Notice]) -> None:
         super().__init__(path)
         self.notices = notices
+        self._in_header = True
         self._lines = self._complete_lines()
-        first = next(self._lines, b"")
-        if (kind := binary_kind(first)) is not None:
+        lines = [next(self._lines, b"")]
+        if (kind := binary_kind(lines[0])) is not None:
             self.close()
             raise InputError("not-a-table.binary", path=path, kind=kind)
-        self.names, self._separator = split_header(first)
+        while before_header(lines[-1]) and (line := next(self._lines, None)) is not None:
+            lines.append(line)
+        self._in_header = False
+        header = header_of(lines)
+        self.names = header.names
+        self._decimal_comma: bool | None = None
+        self._separator = header.separator
+        self._header_lines = header.lines
+        if header.text.open:
+            notices.append(header.text.notice("code-page", path.name))
 
     def find(self, column: Mapping[str, object]) -> str | None:
         """The first of the accepted names of a column that the file has."""
@@ -136,9 +152,12 @@ class CsvFile(Source):
         found = {k: name for k, column in enumerate(schema) if (name := self.find(column.names)) is not None}
         iso = [name for k, name in found.items() if schema[k].iso]
         factors = [schema[k].names[name] for k, name in found.items()]
-        line = 2
+        line = self._header_lines + 1
         for piece in self._lines:
-            text = self._with_unix_times(piece, iso, line) if iso else piece
+            if self._decimal_comma is None:
+                self._decimal_comma = self._has_decimal_commas(piece)
+            text = piece.replace(b",", b".") if self._decimal_comma and self._separator != "," else piece
+            text = self._with_unix_times(text, iso, line) if iso else text
             numbers = self._numbers(text, list(found.values()), line)
             rows = np.full((len(numbers), len(schema)), np.nan)
             rows[:, list(found)] = numbers * factors
@@ -147,25 +166,32 @@ class CsvFile(Source):
         if self.fault:
             self.notices.append(cut_notice(self.path, self.fault))
 
+    def _has_decimal_commas(self, piece: bytes) -> bool:
+        """Whether the first complete lines of a file have commas for points."""
+        lines = piece.decode("latin-1").split("\n", _LOOKED_AT_ROWS)[:_LOOKED_AT_ROWS]
+        try:
+            rows = list(csv.reader(lines, delimiter=self._separator, skipinitialspace=True))
+        except csv.Error:
+            return False
+        return has_decimal_commas(rows, self._separator)
+
     def _complete_lines(self) -> Iterator[bytes]:
-        """The first line, then pieces of complete lines; a last line that may be cut is dropped."""
+        """The lines of the header, then pieces of complete lines; a last line that may be cut is dropped."""
         rest = tail = b""
-        first = True
         while block := self.read(CSV_CHUNK_BYTES):
             rest += block
-            if first and b"\n" in rest:
+            while self._in_header and b"\n" in rest:
                 line, _, rest = rest.partition(b"\n")
-                first = False
                 yield line
             end = rest.rfind(b"\n") + 1
-            if end and not first:
+            if end and not self._in_header:
                 yield rest[:end]
                 tail, rest = rest[max(0, end - MAX_TAIL_BYTES) : end], rest[end:]
             if len(rest) > LONGEST_LINE_BYTES:
                 raise InputError("not-a-table.line", path=self.path, most_mb=LONGEST_LINE_BYTES / 1e6)
         if not rest.strip() or self.fault:
             return
-        if is_whole(rest, tail.splitlines()):
+        if is_whole(rest, tail.splitlines(), self._separator):
             yield rest
         else:
             self.notices.append(Notice("last-line-cut", path=self.path))
@@ -227,8 +253,9 @@ class CsvFile(Source):
             for name, place in places.items():
                 field = fields[place].strip() if place < len(fields) else ""
                 try:
+                    plain = field.replace(",", ".") if self._decimal_comma else field
                     # float() would take 1_0 for ten
-                    row.append(np.nan if field.lower() in _NO_VALUE else float(field.replace("_", "?")))
+                    row.append(np.nan if field.lower() in _NO_VALUE else float(plain.replace("_", "?")))
                 except ValueError:
                     what = f"column `{name}` holds {field[:40]!r}"
                     raise InputError("not-a-number", where=where, what=what) from None
@@ -238,17 +265,13 @@ class CsvFile(Source):
 
 def head_columns(head: Head) -> list[str]:
     """The column names of a file; none if it is not text with a line below a header."""
-    line, _, rest = head.data.partition(b"\n")
-    if not rest or len(line) > MAX_HEADER_BYTES or b"\0" in head.data:
+    if b"\0" in head.data:
         return []
-    return split_header(line)[0]
-
-
-def split_header(line: bytes) -> tuple[list[str], str]:
-    """The names in a header, and their separator: comma, semicolon or tab, whichever is most frequent."""
-    text = line.decode("utf-8", "replace").lstrip("\ufeff").strip()
-    separator = max(",;\t", key=text.count)
-    return [name.strip().strip('"').strip() for name in text.split(separator)], separator
+    lines = head.data.split(b"\n")
+    header = header_of(lines[:-1])
+    if not any(lines[header.lines :]) or sum(map(len, lines[: header.lines])) > MAX_HEADER_BYTES:
+        return []
+    return header.names
 
 
 def names_a_position(name: str) -> bool:
@@ -281,32 +304,45 @@ def read_small(path: Path, max_bytes: int, notices: list[Notice]) -> tuple[bytes
     return data, fault
 
 
-def text_rows(data: bytes) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
-    """The names of the columns of a CSV, and of each row its line number and its fields by their columns."""
-    lines = data.decode("utf-8-sig", "replace").splitlines()
-    names, separator = split_header(lines[0].encode() if lines else b"")
-    rows = [
-        (number, dict(zip(names, (cell.strip().strip('"').strip() for cell in line.split(separator)), strict=False)))
-        for number, line in enumerate(lines[1:], start=2)
-        if line.strip()
-    ]
-    return names, rows
+@dataclass(frozen=True)
+class TextRows:
+    """A small CSV: the names of its columns, and of each row the number of its line and its fields by their columns."""
+
+    names: list[str]
+    rows: list[tuple[int, dict[str, str]]]
 
 
-def is_whole(line: bytes, before: Sequence[bytes]) -> bool:
+def text_rows(data: bytes, path: Path, notices: list[Notice]) -> TextRows:
+    """The fields of a CSV as text, numbers with points; a code page that it leaves open is noticed."""
+    lines = data.splitlines()
+    header = header_of(lines)
+    found = decoded(lines)
+    if found is not None and found.open:
+        notices.append(found.notice("code-page", path.name))
+    texts = found.texts if found is not None else [line.decode("utf-8", "replace") for line in lines]
+    names = row_cells(texts[header.lines - 1].removeprefix("\ufeff"), header.separator) if texts else []
+    numbers = [k for k in range(header.lines, len(lines)) if texts[k].strip()]
+    cells = [row_cells(texts[k], header.separator) for k in numbers]
+    if has_decimal_commas(cells, header.separator):
+        cells = [[with_points(cell) for cell in row] for row in cells]
+    rows = [(k + 1, dict(zip(names, row, strict=False))) for k, row in zip(numbers, cells, strict=True)]
+    return TextRows(names, rows)
+
+
+def is_whole(line: bytes, before: Sequence[bytes], separator: str = ",") -> bool:
     """Whether a last line without a newline is certainly complete, by the last :data:`COMPARED_LINES` lines before it.
 
     It is if it has as many fields as each of them, and its last field is a number with as many decimals as theirs:
     81.02 may be cut to 81.0, 81 or 8, which have fewer.
     """
-    forms = {_form(other) for other in before[-COMPARED_LINES:]}
-    count, decimals = _form(line)
-    return forms == {(count, decimals)} and decimals.startswith(b".0")
+    forms = {_form(other, separator) for other in before[-COMPARED_LINES:]}
+    count, decimals = _form(line, separator)
+    return forms == {(count, decimals)} and decimals[:1] in (b".", b",") and decimals[1:2] == b"0"
 
 
-def _form(line: bytes) -> tuple[int, bytes]:
+def _form(line: bytes, separator: str) -> tuple[int, bytes]:
     """Number of fields, and the last one without the digits before its point and with 0 for those behind."""
-    fields = _FIELD_PATTERN.findall(line)
+    fields = (_FIELD_PATTERN if separator == "," else _FIELD_WITH_COMMAS).findall(line)
     if not fields:
         return 0, b""
     return len(fields), re.sub(rb"\d", b"0", _WHOLE_DIGITS.sub(b"", fields[-1]))

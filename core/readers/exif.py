@@ -15,7 +15,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.csv_file import TIMES, read_small, split_header, text_rows, unix_time
+from furrowmap.core.readers.csv_file import TIMES, read_small, text_rows, unix_time
+from furrowmap.core.readers.csv_text import header_of
 from furrowmap.core.readers.epochs import utc_of
 from furrowmap.core.readers.exposure_marks import ExposureMark, marks_beside
 from furrowmap.core.readers.reader import ReadOptions
@@ -40,7 +41,9 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
         data, _ = read_small(path, MAX_TABLE_BYTES, notices)
     except ValueError as error:
         raise InputError("not-a-table", path=path, why=str(error)) from None
-    names, cells = text_rows(data)
+    table = text_rows(data, path, notices)
+    names = table.names
+    cells = table.rows
     file = next((name for name in FILES if name in names), None)
     time = next((name for name in _TIMES if name in names), None)
     if file is None or time is None:
@@ -77,7 +80,7 @@ def _is_file(path: Path) -> bool:
 def is_image_table(path: Path) -> bool:
     """Whether the first line of a CSV has the columns of a table of images."""
     with Source(path) as source:
-        names, _ = split_header(source.read(4096).split(b"\n", 1)[0])
+        names = header_of(source.read(4096).split(b"\n")).names
     return not set(FILES).isdisjoint(names) and not set(_TIMES).isdisjoint(names)
 
 

@@ -1,7 +1,7 @@
-"""Polygons of GeoJSON (RFC 7946), read without GDAL, whose drivers take a text for whatever it mentions."""
+"""Polygons and points of GeoJSON (RFC 7946), read without GDAL, whose drivers take a text for whatever it mentions."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 import msgspec
@@ -33,11 +33,18 @@ class _Object(msgspec.Struct):
 _Ring = list[list[float]]
 
 
-def read_geojson(data: bytes) -> tuple[list[BaseGeometry], list[dict[str, Any]], CRS, int]:
-    """Polygons and multipolygons, the properties of each, the CRS, and the number of features with other geometries.
+ShapeOf = Callable[[str, msgspec.Raw], BaseGeometry | None]
+"""The geometry of a type and its coordinates; None of a type that is not wanted."""
+
+
+def read_geojson(data: bytes, shape_of: ShapeOf) -> tuple[list[BaseGeometry | None], list[dict[str, Any]], CRS, int]:
+    """Geometries, None where a feature has none, the properties of each, the CRS, and the number of other features.
+
+    Args:
+        shape_of: :func:`polygon_of` or :func:`point_of`.
 
     Raises:
-        ValueError: if it is no GeoJSON (msgspec's errors are among them), a polygon is none, or it has too many
+        ValueError: if it is no GeoJSON (msgspec's errors are among them), a geometry is none, or it has too many
             corners or levels.
         CRSError: if its CRS is unknown.
     """
@@ -48,12 +55,12 @@ def read_geojson(data: bytes) -> tuple[list[BaseGeometry], list[dict[str, Any]],
         root = msgspec.json.decode(data, type=_Object)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-    shapes: list[BaseGeometry] = []
+    shapes: list[BaseGeometry | None] = []
     properties: list[dict[str, Any]] = []
     others = 0
     for one in _features(root):
-        shape = _polygon(one.geometry)
-        if shape is None:
+        shape = _shape(one.geometry, shape_of)
+        if shape is None and bytes(_given(one.geometry, b"null")) != b"null":
             others += 1
             continue
         shapes.append(shape)
@@ -81,17 +88,36 @@ def _given(raw: msgspec.Raw, otherwise: bytes) -> msgspec.Raw:
     return raw if len(memoryview(raw)) else msgspec.Raw(otherwise)
 
 
-def _polygon(raw: msgspec.Raw) -> BaseGeometry | None:
-    """The polygon or multipolygon of a feature; None for another geometry, or none."""
+def _shape(raw: msgspec.Raw, shape_of: ShapeOf) -> BaseGeometry | None:
+    """The geometry of a feature; None for one of another kind, or none."""
     geometry = msgspec.json.decode(_given(raw, b"null"), type=_Object | None)
     if geometry is None:
         return None
     if geometry.type not in _GEOMETRY_TYPES:
         raise ValueError(f"a feature has a geometry of the type {geometry.type[:40]!r}")
-    coordinates = _given(geometry.coordinates, b"[]")
-    if geometry.type == "Polygon":
+    return shape_of(geometry.type, _given(geometry.coordinates, b"[]"))
+
+
+def point_of(kind: str, coordinates: msgspec.Raw) -> BaseGeometry | None:
+    """A point or multipoint, with heights where the file has them."""
+    if kind == "Point":
+        return _point(msgspec.json.decode(coordinates, type=list[float]))
+    if kind == "MultiPoint":
+        return shapely.MultiPoint([_point(one) for one in msgspec.json.decode(coordinates, type=list[list[float]])])
+    return None
+
+
+def _point(place: list[float]) -> shapely.Point:
+    if len(place) == 1:
+        raise ValueError("a point has one coordinate")
+    return shapely.Point(place[:3])
+
+
+def polygon_of(kind: str, coordinates: msgspec.Raw) -> BaseGeometry | None:
+    """A polygon or multipolygon."""
+    if kind == "Polygon":
         return _of_rings(msgspec.json.decode(coordinates, type=list[_Ring]))
-    if geometry.type == "MultiPolygon":
+    if kind == "MultiPolygon":
         return shapely.MultiPolygon(
             [_of_rings(part) for part in msgspec.json.decode(coordinates, type=list[list[_Ring]])]
         )

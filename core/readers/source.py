@@ -30,6 +30,8 @@ _TEXT_LOOKED_AT = 1024
 """Bytes that tell text in UTF-16 from binary data that begins like it."""
 _LEAST_TEXT = 8
 _PLAIN_SHARE = 0.9
+_PLAIN_SHARE_BEHIND_MARK = 0.2
+"""Of ASCII in text that begins with a byte order mark: a table of Japanese names has separators and digits."""
 _RAW_BYTES = 1 << 18
 _PIECE_BYTES = 1 << 20
 
@@ -194,14 +196,15 @@ class Piece(Source):
 def utf16_encoding(head: bytes) -> str:
     """The encoding of text in UTF-16 that begins with `head`, with or without a byte order mark; "" for other content.
 
-    Text of recordings is mostly ASCII, by which it is told from binary data that begins with the same two bytes.
+    Its share of ASCII tells it from binary data that begins with the same two bytes.
     """
     head = head[: _TEXT_LOOKED_AT // 2 * 2]
     marked = _UTF16.get(head[:2], "")
+    least = _PLAIN_SHARE_BEHIND_MARK if marked else _PLAIN_SHARE
     for encoding in [marked] if marked else _UTF16.values():
         text = head[: len(head) // 2 * 2].decode(encoding, "replace").removeprefix("\ufeff")
         plain = sum(character.isascii() and (character.isprintable() or character.isspace()) for character in text)
-        if len(text) >= _LEAST_TEXT and plain > _PLAIN_SHARE * len(text):
+        if len(text) >= _LEAST_TEXT and plain > least * len(text) and "\ufffd" not in text[:-1]:
             return encoding
     return ""
 

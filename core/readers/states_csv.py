@@ -8,7 +8,8 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from furrowmap.core.readers.csv_file import head_columns, is_whole, read_small, split_header, text_rows, unix_time
+from furrowmap.core.readers.csv_file import head_columns, is_whole, read_small, text_rows, unix_time
+from furrowmap.core.readers.csv_text import header_of, row_cells
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -84,12 +85,13 @@ def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState,
     if data and not data.endswith((b"\n", b"\r")):
         *lines, last = data.splitlines()
         # No state is the beginning of another, so a row that ends with one is complete.
-        names, separator = split_header(lines[0] if lines else last)
-        cells = [cell.strip('" ').lower() for cell in last.decode("utf-8", "replace").split(separator)]
-        if fault or not ((len(cells) == len(names) and cells[-1] in _STATE_WORDS) or is_whole(last, lines[1:])):
+        header = header_of(lines or [last])
+        cells = [cell.lower() for cell in row_cells(last.decode("utf-8", "replace"), header.separator)]
+        complete = len(cells) == len(header.names) and cells[-1] in _STATE_WORDS
+        if fault or not (complete or is_whole(last, lines[header.lines :], header.separator)):
             notices.append(Notice("last-line-cut", path=path))
             data = b"\n".join(lines)
-    for number, row in text_rows(data)[1]:
+    for number, row in text_rows(data, path, notices).rows:
         if not any(row.values()):
             continue
         where = f"{path}, line {number}"

@@ -1,7 +1,8 @@
-"""Surveyed points from a table or a vector file."""
+"""The one way in for points with heights: tables, vector files, and the heights of a field folder of AgOpenGPS."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -10,12 +11,13 @@ import pyproj
 import shapely
 
 from furrowmap.core.geodesy.crs_change import bounds_in, crs_change
+from furrowmap.core.readers.agopengps import elevation_file, read_elevations
 from furrowmap.core.readers.areas.area import horizontal_part, nothing_within, read_area
-from furrowmap.core.readers.ogr_layers import LAYER_MAGIC
-from furrowmap.core.readers.text_table import TextTable, read_table
-from furrowmap.core.readers.vector_file import POINT_LAYERS, layer_with, read_vector_layer
+from furrowmap.core.readers.text_table import TextTable, column_names, is_spreadsheet, read_table
+from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
+from furrowmap.core.runtime.plain_reads import open_plain
 
 MAX_SURVEY_BYTES: Final = 50_000_000
 _NAME_COLUMNS: Final = ("name", "id", "point", "point_id", "label", "点名")
@@ -90,8 +92,8 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     """Surveyed points of a CSV or a vector file, in the horizontal CRS of a product.
 
     Args:
-        path: of a GeoPackage, FlatGeobuf or Shapefile, or of a CSV, which has columns such as name, e_m, n_m, h_m (or
-            lon_deg, lat_deg, h_m), sigma_h_m.
+        path: of a GeoPackage, FlatGeobuf, Shapefile, GeoJSON or KML; of a CSV or spreadsheet, which has columns such
+            as name, e_m, n_m, h_m (or lon_deg, lat_deg, h_m), sigma_h_m; or of the heights of AgOpenGPS.
         crs: of a file without one; by default `target` for eastings and northings, and its geographic base CRS for
             longitudes and latitudes.
 
@@ -99,11 +101,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         InputError: if the file cannot be read, or has no points with heights.
         RefusedError: if PROJ has no exact transformation from the CRS of the points, or the height systems differ.
     """
-    if not path.is_file():
-        raise _unreadable(path, "is a folder" if path.is_dir() else "is not there")
-    if path.stat().st_size > MAX_SURVEY_BYTES:
-        raise _unreadable(path, f"has {path.stat().st_size:,} bytes: too many for a survey")
-    rows = _rows_of_layer(path) if _is_layer(path) else _rows_of_table(path)
+    rows = _rows_of(path)
     base = horizontal_part(target).geodetic_crs if rows.degrees else None
     source = rows.crs or crs or base or target
     whole = np.isfinite(rows.xyz).all(axis=1)
@@ -128,11 +126,23 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), tuple(notices))
 
 
-def in_degrees(path: Path) -> bool:
-    """Whether a table has longitudes and latitudes; false for a vector file, and for what cannot be read."""
+def may_hold_points(path: Path) -> bool:
+    """Whether a file may hold points with heights, and is neither a cloud nor a raster; false if it is not there."""
     try:
-        return not _is_layer(path) and _rows_of_table(path).degrees
-    except (InputError, OSError):
+        if elevation_file(path) is not None:
+            return True
+        with open_plain(path) as file:
+            head = file.read(4096)
+        return is_vector(head) or is_spreadsheet(path) or len(column_names(path)) > 1
+    except (FurrowmapError, OSError):
+        return False
+
+
+def in_degrees(path: Path) -> bool:
+    """Whether a file has longitudes and latitudes without a CRS; false for what cannot be read."""
+    try:
+        return _rows_of(path).degrees
+    except FurrowmapError:
         return False
 
 
@@ -153,21 +163,42 @@ class _SurveyRows:
     notices: tuple[Notice, ...] = ()
 
 
-def _is_layer(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(16).startswith(LAYER_MAGIC)
+def _rows_of(path: Path) -> _SurveyRows:
+    """The points of a file or of a field folder of AgOpenGPS, as it has them."""
+    heights = elevation_file(path)
+    if heights is not None:
+        return _rows_of_agopengps(heights)
+    if not path.is_file():
+        raise _unreadable(path, "is a folder" if path.is_dir() else "is not there")
+    if path.stat().st_size > MAX_SURVEY_BYTES:
+        raise _unreadable(path, f"has {path.stat().st_size:,} bytes: too many for a survey")
+    with open_plain(path) as file:
+        head = file.read(4096)
+    return _rows_of_layer(path) if is_vector(head) and not is_spreadsheet(path) else _rows_of_table(path)
+
+
+def _rows_of_agopengps(path: Path) -> _SurveyRows:
+    found = read_elevations(path, partial(_unreadable, path))
+    count = len(found.lon_lat_h)
+    names = [str(k) for k in range(1, count + 1)]
+    notice = Notice("points-of-guidance", path=path.name, points=count, unfixed=count - found.fixed)
+    return _SurveyRows(names, found.lon_lat_h, np.full((count, 3), np.nan), degrees=True, notices=(notice,))
 
 
 def _rows_of_layer(path: Path) -> _SurveyRows:
     try:
-        name, notices = layer_with(path, POINT_LAYERS)
-        layer = read_vector_layer(path, name, times_as_text=True)
+        layer = read_points_of_layer(path)
+    except RefusedError:
+        raise
+    except InputError as error:
+        raise _unreadable(path, f"cannot be read ({error.what.rstrip('.')[:200]})") from None
     except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
-        raise _unreadable(path, f"cannot be read ({str(error)[:200]})") from None
-    there = [shape for shape in layer.shapes if shape is not None]
-    if not there or not all(isinstance(shape, shapely.Point | shapely.MultiPoint) for shape in there):
-        raise _unreadable(path, "holds other geometries than points" if there else "holds no point")
-    cells = {name.strip().casefold(): values.astype(str).tolist() for name, values in layer.columns.items()}
+        why = str(error)[:200]
+        raise _unreadable(path, why if why.startswith("holds ") else f"cannot be read ({why})") from None
+    if not any(shape is not None for shape in layer.shapes):
+        raise _unreadable(path, "holds no point")
+    notices: list[Notice] = []
+    cells = {name.strip().casefold(): list(map(_text, values.tolist())) for name, values in layer.columns.items()}
     table = TextTable(cells, list(range(1, 1 + len(layer))), decimal_comma=False)
     parts = shapely.get_num_geometries(layer.shapes)
     members = np.maximum(parts, 1)
@@ -187,6 +218,13 @@ def _rows_of_layer(path: Path) -> _SurveyRows:
     column = _first_filled(table, _HEIGHT_COLUMNS)
     xyz[:, 2], about = _heights(path, xyz[:, 2], column, table.numbers(column)[feature] if column else None)
     return _SurveyRows(labels, xyz, _sigmas(table)[feature], crs=layer.crs, notices=(*notices, *layer.notices, *about))
+
+
+def _text(value: object) -> str:
+    """A value as the cell of a table; whole numbers without decimals, as names are."""
+    if value is None or value != value:
+        return ""
+    return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
 
 
 def _heights(

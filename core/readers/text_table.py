@@ -12,12 +12,15 @@ from typing import Final
 
 import numpy as np
 
+from furrowmap.core.readers.csv_text import SEPARATORS, has_decimal_commas, header_of, separator_of_line
 from furrowmap.core.readers.las.decoder import Decoder, Undecodable
+from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.readers.text_encoding import decoded
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import binary_kind
 from furrowmap.core.runtime.memory import expect_disk, expect_growth, expect_memory
+from furrowmap.core.runtime.plain_reads import open_plain
 
 ZIP: Final = b"PK\3\4"
 _SHAPEFILE_PARTS: Final = (".shp", ".shx", ".dbf", ".prj", ".cpg")
@@ -60,6 +63,10 @@ def unpacked_layer(path: Path, folder: Path) -> Path:
 
 
 MAX_SHEET_BYTES: Final = 20_000_000
+_SHEET_PARTS: Final = frozenset({"xl/workbook.xml", "xl/workbook.bin", "content.xml"})
+"""One of them is in every archive that is a spreadsheet."""
+_HEAD_BYTES: Final = 4096
+_MOST_TEXT_BYTES: Final = 100_000_000
 _MOST_SHEET_TEXT: Final = 1 << 26
 """Bytes of the cells, as JSON."""
 _OLE: Final = b"\xd0\xcf\x11\xe0"
@@ -69,13 +76,7 @@ _BYTES_PER_UNPACKED: Final = 40
 _MOST_CELLS: Final = 1_000_000
 _PADDED_TIMES: Final = 10
 """Cells of short rows that are filled up, and those for each cell that is there."""
-_SEPARATOR_LINE: Final = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
-"""The first line of tables that tell spreadsheets their separator."""
-_SEPARATORS: Final = ",;\t"
 _UNIT: Final = re.compile(r"\s*[(\[（].*?[)\]）]\s*$")
-_DECIMAL_POINT: Final = re.compile(r"\s*[+-]?\d+\.\d+\s*")
-_THOUSANDS: Final = re.compile(r"\s*[+-]?\d{1,3},\d{3}\s*")
-_DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?\d+,\d+\s*")
 
 
 @dataclass(frozen=True)
@@ -120,48 +121,61 @@ def number_or_text(text: str) -> float | str | None:
         return text or None
 
 
-def is_separator_line(line: str) -> bool:
-    """Whether the first line of a table only tells its separator, as spreadsheets write it: `sep=;`."""
-    return _SEPARATOR_LINE.fullmatch(line.strip()) is not None
+def column_names(path: Path) -> list[str]:
+    """The names of the columns of a table in a text file, as of :class:`TextTable`; none of what is no text."""
+    with Source(path) as source:
+        head = source.read(_HEAD_BYTES)
+    if b"\0" in head or head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"<", b"["):
+        return []
+    return [_plain_name(name) for name in header_of(head.split(b"\n")).names]
+
+
+def is_spreadsheet(path: Path) -> bool:
+    """Whether a file is a spreadsheet (xlsx, xls, ods)."""
+    with open_plain(path) as file:
+        head = file.read(4)
+    if head != ZIP:
+        return head == _OLE
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return not _SHEET_PARTS.isdisjoint(archive.namelist())
+    except Exception:  # noqa: BLE001 damage ends in errors of many families
+        return False
 
 
 def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
-    """A table in a text file, without comments (#); the error of `unreadable` if it cannot be read or is no table."""
-    try:
-        if not path.is_file() and path.exists():  # reading a pipe would wait for ever
-            raise unreadable("it is no file")
-        return _parse_table(path)
-    except (ValueError, OSError) as error:
-        raise unreadable(_reason(error)) from None
+    """A table in a text file, without comments (#), or the first sheet of a spreadsheet.
 
+    The first row that is not empty has the names of the columns.
 
-def read_sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
-    """The first sheet of a spreadsheet, or a CSV. The first row that is not empty has the names of the columns.
-
-    The error of `unreadable` if the file cannot be read or is no table, or a large or damaged one; InputError if
-    python-calamine is needed and not installed, RefusedError if a spreadsheet unpacks to far more than its size.
+    Raises:
+        InputError: that of `unreadable` if the file cannot be read or is no table, or a large or damaged spreadsheet;
+            another if python-calamine is needed and not installed.
+        RefusedError: if a file unpacks to far more than its size.
     """
     try:
         if not path.is_file() and path.exists():  # reading a pipe would wait for ever
             raise unreadable("it is no file")
-        with path.open("rb") as file:
+        with open_plain(path) as file:
             head = file.read(4)
-        size = path.stat().st_size
-        if size > MAX_SHEET_BYTES:
-            raise unreadable(f"{size:,} bytes is too large for a table of a trial")
-        if not head.startswith((ZIP, _OLE)):
-            return _parse_table(path)
-        if head.startswith(ZIP):
-            try:
-                with zipfile.ZipFile(path) as archive:
-                    whole = sum(file.file_size for file in archive.infolist())
-            except Exception as error:  # noqa: BLE001 damage ends in errors of many families
-                raise unreadable(f"it is a damaged spreadsheet ({str(error)[:100]})") from None
-            expect_growth(path, size, whole)
-            expect_memory(path, _BYTES_PER_UNPACKED * whole)
-        rows = [row for row in _sheet_rows(path) if any(cell.strip() for cell in row)]
+        return _sheet(path, unreadable) if head in (ZIP, _OLE) else _parse_table(path)
     except (ValueError, OSError) as error:
         raise unreadable(_reason(error)) from None
+
+
+def _sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
+    size = path.stat().st_size
+    if size > MAX_SHEET_BYTES:
+        raise unreadable(f"{size:,} bytes is too large for a spreadsheet")
+    if zipfile.is_zipfile(path):
+        try:
+            with zipfile.ZipFile(path) as archive:
+                whole = sum(file.file_size for file in archive.infolist())
+        except Exception as error:  # noqa: BLE001 damage ends in errors of many families
+            raise unreadable(f"it is a damaged spreadsheet ({str(error)[:100]})") from None
+        expect_growth(path, size, whole)
+        expect_memory(path, _BYTES_PER_UNPACKED * whole)
+    rows = [row for row in _sheet_rows(path) if any(cell.strip() for cell in row)]
     if not rows:
         raise unreadable("its first sheet is empty")
     return _table_of(rows, list(range(2, 1 + len(rows))), decimal_comma=False)
@@ -171,9 +185,13 @@ def _reason(error: ValueError | OSError) -> str:
     return str(error.strerror if isinstance(error, OSError) else error)
 
 
+def _plain_name(cell: str) -> str:
+    return _UNIT.sub("", cell.strip()).casefold()
+
+
 def _table_of(rows: list[list[str]], lines: list[int], *, decimal_comma: bool) -> TextTable:
     """The rows below the first, which has the names of the columns."""
-    names = [_UNIT.sub("", cell.strip()).casefold() for cell in rows[0]]
+    names = [_plain_name(cell) for cell in rows[0]]
     if len(names) * len(rows) > _MOST_CELLS + _PADDED_TIMES * sum(map(len, rows)):
         raise ValueError(f"it has {len(names):,} columns, of which most rows have only the first")
     body = [[*row, *[""] * (len(names) - len(row))] for row in rows[1:]]
@@ -182,17 +200,14 @@ def _table_of(rows: list[list[str]], lines: list[int], *, decimal_comma: bool) -
 
 
 def _parse_table(path: Path) -> TextTable:
-    content, notices = _decoded(path)
-    lines = [(k, line) for k, line in enumerate(content.splitlines(), start=1)]
-    lines = [(k, line) for k, line in lines if line.strip() and not line.startswith("#")]
+    raw, notices = _decoded(path)
+    lines = [(k, line) for k, line in enumerate(raw, start=1)]
+    told = next((told for _, line in lines[:1] if (told := separator_of_line(line.encode()))), "")
+    lines = [(k, line) for k, line in lines[bool(told) :] if line.strip() and not line.startswith("#")]
     if not lines:
         raise ValueError("it is empty")
     head = lines[0][1]
-    told = _SEPARATOR_LINE.fullmatch(head.strip())
-    if told is not None and len(lines) > 1:
-        lines = lines[1:]
-        head = lines[0][1]
-    separator = max(_SEPARATORS, key=head.count) if told is None else told[1]
+    separator = told or max(SEPARATORS, key=head.count)
     if separator not in head:
         raise ValueError("its first line has no comma, semicolon or tab")
     text = StringIO("\n".join(line for _, line in lines))
@@ -200,35 +215,24 @@ def _parse_table(path: Path) -> TextTable:
         rows = list(csv.reader(text, delimiter=separator, skipinitialspace=True))
     except csv.Error as error:  # such as a cell without an end
         raise ValueError(f"it is no table of cells ({error})") from None
-    table = _table_of(
-        rows, [k for k, _ in lines[1 : len(rows)]], decimal_comma=_has_decimal_commas(rows[1:], separator)
-    )
+    table = _table_of(rows, [k for k, _ in lines[1 : len(rows)]], decimal_comma=has_decimal_commas(rows[1:], separator))
     return replace(table, notices=tuple(notices))
 
 
-def _has_decimal_commas(rows: list[list[str]], separator: str) -> bool:
-    """Whether cells have commas for points; between commas they are quoted, and may be of thousands instead."""
-    cells = [cell for row in rows for cell in row if _DECIMAL_COMMA.fullmatch(cell)]
-    if separator != "," or not cells:
-        return bool(cells)
-    points = any(_DECIMAL_POINT.fullmatch(cell) for row in rows for cell in row)
-    return not points and not all(_THOUSANDS.fullmatch(cell) for cell in cells)
-
-
-def _decoded(path: Path) -> tuple[str, list[Notice]]:
-    """The text of a file, and a notice where it leaves its code page open."""
-    content = path.read_bytes()
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        try:
-            return content.decode("utf-16"), []
-        except UnicodeDecodeError:
-            raise ValueError("it begins as text in UTF-16, but is none") from None
+def _decoded(path: Path) -> tuple[list[str], list[Notice]]:
+    """The lines of a file, and notices that it is cut, or leaves its code page open."""
+    with Source(path) as source:
+        content = source.read(_MOST_TEXT_BYTES + 1)
+        fault = source.fault
+    if len(content) > _MOST_TEXT_BYTES:
+        raise ValueError(f"it has more than {_MOST_TEXT_BYTES:,} bytes")
     if (kind := binary_kind(content)) is not None:
         raise ValueError(f"it is {kind}, not text")
-    found = decoded(content.removeprefix(b"\xef\xbb\xbf").split(b"\n"))
+    found = decoded(content.removeprefix(b"\xef\xbb\xbf").splitlines())
     if found is None:
         raise ValueError("its text is neither UTF-8 nor Shift-JIS nor Windows-1252")
-    return "\n".join(found.texts), [found.notice("code-page", path.name)] if found.open else []
+    notices = [cut_notice(path, fault)] if fault else []
+    return found.texts, [*notices, *([found.notice("code-page", path.name)] if found.open else [])]
 
 
 def _sheet_rows(path: Path) -> list[list[str]]:

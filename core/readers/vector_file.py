@@ -1,4 +1,4 @@
-"""Polygons with attributes from vector files: GeoPackage, Shapefile (zipped too), FlatGeobuf, GeoJSON, KML.
+"""Polygons and points with attributes from vector files: GeoPackage, Shapefile (zipped too), FlatGeobuf, GeoJSON, KML.
 
 GDAL reads layers as arrays (:mod:`.ogr_layers`), but neither GeoJSON nor KML (OGC 12-007): its drivers choose by
 content, and a text that names another format would open other files.
@@ -20,7 +20,7 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.areas.repair import workable
-from furrowmap.core.readers.geojson import read_geojson
+from furrowmap.core.readers.geojson import ShapeOf, point_of, polygon_of, read_geojson
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.readers.ogr_layers import LAYER_MAGIC, SHAPEFILE_MAGIC, layer_info, list_layers, read_layer_arrays
 from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_layer
@@ -126,7 +126,7 @@ def layer_with(path: Path, kinds: Sequence[str]) -> tuple[str | None, list[Notic
     raise ValueError(f"none of its layers has {kinds[0].lower()}s: {there[:200]}")
 
 
-_GEOMETRIES = ("Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack")
+_GEOMETRIES = ("Point", "LineString", "LinearRing", "Polygon", "Model", "Track", "MultiTrack")
 
 
 def _is_kml(head: bytes) -> bool:
@@ -135,17 +135,45 @@ def _is_kml(head: bytes) -> bool:
     return text.startswith(b"<") and (b"<kml" in text[:1000] or b":kml" in text[:1000])
 
 
+_LEADING_ZERO: Final = re.compile(r"\s*0\d+\s*")
+"""A name such as 007."""
+
+
+def _cell(text: str) -> float | str | None:
+    return text.strip() if _LEADING_ZERO.fullmatch(text) else number_or_text(text)
+
+
 def _attributes(mark: Element) -> dict[str, Any]:
     found: dict[str, Any] = {
-        _tag(child): number_or_text(child.text) for child in mark.children if _tag(child) in ("name", "description")
+        _tag(child): _cell(child.text) for child in mark.children if _tag(child) in ("name", "description")
     }
     for element in _all(mark):
         if _tag(element) == "SimpleData":
-            found[element.get("name")] = number_or_text(element.text)
+            found[element.get("name")] = _cell(element.text)
         elif _tag(element) == "Data":
             text = next((child.text for child in element.children if _tag(child) == "value"), "")
-            found[element.get("name")] = number_or_text(text)
+            found[element.get("name")] = _cell(text)
     return found
+
+
+def _polygons_of_mark(mark: Element) -> BaseGeometry | None:
+    polygons = [_polygon(found) for found in _within(mark, "Polygon")]
+    return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons) if polygons else None
+
+
+def _points_of_mark(mark: Element) -> BaseGeometry | None:
+    points = [_point(found) for found in _within(mark, "Point")]
+    return points[0] if len(points) == 1 else shapely.MultiPoint(points) if points else None
+
+
+def _point(element: Element) -> shapely.Point:
+    """A point, with its altitude where there is one and it is no height above the ground."""
+    text = next((found.text for found in _within(element, "coordinates")), "")
+    rows = [_numbers(word.split(",")) for word in _BY_COMMA.sub(",", text.strip()).split()]
+    if len(rows) != 1 or len(rows[0]) > 3:
+        raise ValueError(f"a point has the coordinates {text.strip()[:40]!r}")
+    above_ground = any(found.text.strip() in _ABOVE_GROUND for found in _within(element, "altitudeMode"))
+    return shapely.Point(rows[0][: 2 if above_ground else 3])
 
 
 def _polygon(element: Element) -> shapely.Polygon:
@@ -159,6 +187,7 @@ def _polygon(element: Element) -> shapely.Polygon:
         raise ValueError(f"a polygon has a ring that is none ({str(error)[:80]})") from None
 
 
+_ABOVE_GROUND: Final = ("relativeToGround", "relativeToSeaFloor")
 _BY_COMMA: Final = re.compile(r"\s*,\s*")
 _CLEARLY_SMALLER: Final = 10.0
 """How much smaller the extent of one reading of a list of numbers is than that of the other, to be the right one."""
@@ -243,14 +272,12 @@ class Polygons:
     Attributes:
         shapes: polygons and multipolygons, flat; their rings may cross.
         attributes: of each, by the column's name; None where a cell is empty.
-        others: number of features with other geometries, which are left out.
         notices: what was decided where the file leaves it open.
     """
 
     shapes: tuple[BaseGeometry, ...]
     attributes: tuple[dict[str, Any], ...]
     crs: CRS
-    others: int
     notices: tuple[Notice, ...] = ()
 
 
@@ -267,7 +294,7 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
         size = path.stat().st_size
     except OSError as error:
         raise unreadable(str(error.strerror)) from None
-    if not (_is_json(head) or head.startswith((*LAYER_MAGIC, ZIP)) or _is_kml(head)):
+    if not is_vector(head):
         kind = binary_kind(head)
         raise unreadable(
             f"{f'{kind}, ' if kind else ''}neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or "
@@ -276,27 +303,71 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     if size > MAX_VECTOR_BYTES:
         raise unreadable(f"{size:,} bytes is too large for the boundary of a field or a set of parcels")
     try:
-        found = _read_layer(path, head)
+        layer, others = _read_layer(path, head, _POLYGONS)
     except RefusedError:
         raise
     except InputError as error:
         raise unreadable(error.what.removeprefix(f"{path}: ").rstrip(".")) from None
     except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS and PROJ have no family of their own
         raise unreadable(str(error) or type(error).__name__) from None
-    if not found.shapes:
-        raise unreadable(f"{found.others} features, but no polygon")
-    corners = shapely.get_coordinates(np.array(found.shapes, object))
+    polygons = layer.where(np.array([shape is not None for shape in layer.shapes], bool))
+    left_out = others + len(layer) - len(polygons)
+    if not len(polygons):
+        raise unreadable(f"{left_out} features, but no polygon")
+    shapes = shapely.force_2d(polygons.shapes)
+    crs = layer.crs
+    if crs is None:
+        raise unreadable("it states no CRS")
+    corners = shapely.get_coordinates(shapes)
     if not np.isfinite(corners).all():
         raise unreadable("a corner has coordinates that are not finite")
     if len(corners) and np.abs(corners).max() > MAX_POLYGON_COORDINATE:
         raise unreadable(f"a corner has the coordinate {np.abs(corners).max():g}, which is nowhere on the Earth")
     try:
-        return replace(found, shapes=tuple(workable(found.shapes, found.crs)))
+        whole = tuple(workable(shapes.tolist(), crs))
     except ValueError as error:
         raise unreadable(str(error)) from None
+    dropped = [Notice("features-left-out", path=path.name, left_out=left_out)] if left_out else []
+    return Polygons(whole, tuple(polygons.rows()), crs, (*polygons.notices, *dropped))
 
 
-def _read_layer(path: Path, head: bytes) -> Polygons:
+def is_vector(head: bytes) -> bool:
+    """Whether a file begins as a vector file, or as an archive that may hold one."""
+    return _is_json(head) or head.startswith((*LAYER_MAGIC, ZIP)) or _is_kml(head)
+
+
+def read_points_of_layer(path: Path) -> VectorLayer:
+    """The points and multipoints of the first layer of a vector file that has some, None where a feature has neither.
+
+    Raises:
+        ValueError: if it has another format, or holds other geometries, too.
+        RefusedError: if an archive unpacks to far more than its size.
+        Exception: of GDAL, GEOS and PROJ, which have no family of their own, if the file is damaged.
+    """
+    with open_plain(path) as file:
+        head = file.read(4096)
+    layer, others = _read_layer(path, head, _POINTS)
+    if others:
+        raise ValueError("holds other geometries than points")
+    return layer
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """Geometries that are read of a file: names of types of layers, types, and parsers of KML's and GeoJSON's."""
+
+    layers: Sequence[str]
+    kinds: tuple[type[BaseGeometry], ...]
+    of_mark: Callable[[Element], BaseGeometry | None]
+    of_geojson: ShapeOf
+
+
+_POLYGONS: Final = _Wanted(POLYGON_LAYERS, (shapely.Polygon, shapely.MultiPolygon), _polygons_of_mark, polygon_of)
+_POINTS: Final = _Wanted(POINT_LAYERS, (shapely.Point, shapely.MultiPoint), _points_of_mark, point_of)
+
+
+def _read_layer(path: Path, head: bytes, wanted: _Wanted) -> tuple[VectorLayer, int]:
+    """The features with the geometries that are wanted, or with none, and the number of others."""
     with ExitStack() as stack:
         if head.startswith(ZIP):
             folder = stack.enter_context(scratch_directory())
@@ -306,39 +377,41 @@ def _read_layer(path: Path, head: bytes) -> Polygons:
             if not (_is_kml(head) or head.startswith(SHAPEFILE_MAGIC)):
                 raise ValueError(f"its layer {path.name} is neither a Shapefile nor KML")
         if _is_kml(head):
-            root = parse_xml(path.read_bytes(), f"{path}")
-            shapes: list[BaseGeometry] = []
-            attributes: list[dict[str, Any]] = []
-            others = 0
-            for mark in _within(root, "Placemark"):
-                polygons = [_polygon(found) for found in _within(mark, "Polygon")]
-                if not polygons:
-                    others += any(_tag(element) in _GEOMETRIES for element in _all(mark))
-                    continue
-                shapes.append(polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons))
-                attributes.append(_attributes(mark))
-            return Polygons(tuple(shapes), tuple(attributes), CRS.from_epsg(4326), others)
+            return _by_kml(path, wanted)
         if _is_json(head):
-            found, properties, crs, rest = read_geojson(path.read_bytes())
-            return Polygons(tuple(found), tuple(properties), crs, rest)
-        return _by_gdal(path)
+            shapes, properties, crs, others = read_geojson(path.read_bytes(), wanted.of_geojson)
+            return _layer_of(shapes, properties, crs), others
+        return _by_gdal(path, wanted)
+
+
+def _by_kml(path: Path, wanted: _Wanted) -> tuple[VectorLayer, int]:
+    shapes: list[BaseGeometry | None] = []
+    attributes: list[dict[str, Any]] = []
+    others = 0
+    for mark in _within(parse_xml(path.read_bytes(), f"{path}"), "Placemark"):
+        shape = wanted.of_mark(mark)
+        if shape is None and any(_tag(element) in _GEOMETRIES for element in _all(mark)):
+            others += 1
+            continue
+        shapes.append(shape)
+        attributes.append(_attributes(mark))
+    return _layer_of(shapes, attributes, CRS.from_epsg(4326)), others
+
+
+def _layer_of(shapes: list[BaseGeometry | None], rows: list[dict[str, Any]], crs: CRS) -> VectorLayer:
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    columns = {name: np.array([*(row.get(name) for row in rows), None], object)[:-1] for name in names}
+    return VectorLayer(np.array([*shapes, None], object)[:-1], columns, crs)
+
+
+def _by_gdal(path: Path, wanted: _Wanted) -> tuple[VectorLayer, int]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a ring that is not closed is closed
+        name, notices = layer_with(path, wanted.layers)
+        layer = read_vector_layer(path, name, times_as_text=True)
+    kept = np.array([shape is None or isinstance(shape, wanted.kinds) for shape in layer.shapes], bool)
+    return replace(layer.where(kept), notices=(*notices, *layer.notices)), int((~kept).sum())
 
 
 def _is_json(head: bytes) -> bool:
     return head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
-
-
-def _by_gdal(path: Path) -> Polygons:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a ring that is not closed is closed
-        name, notices = layer_with(path, POLYGON_LAYERS)
-        layer = read_vector_layer(path, name, times_as_text=True)
-    kept = np.array([isinstance(shape, shapely.Polygon | shapely.MultiPolygon) for shape in layer.shapes], bool)
-    if kept.any() and layer.crs is None:
-        raise ValueError("it states no CRS")
-    polygons = layer.where(kept)
-    shapes = tuple(shapely.force_2d(polygons.shapes))
-    others = len(layer) - len(shapes)
-    return Polygons(
-        shapes, tuple(polygons.rows()), layer.crs or CRS.from_epsg(4326), others, (*notices, *layer.notices)
-    )

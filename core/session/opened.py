@@ -10,7 +10,9 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
+from furrowmap.core.readers.agopengps import is_field_folder
 from furrowmap.core.readers.imu_csv import ImuCsv
+from furrowmap.core.readers.isoxml.content import is_task_data
 from furrowmap.core.readers.reader import (
     GivesAttitude,
     GivesBeams,
@@ -302,19 +304,17 @@ def _open(paths: Sequence[Path], options: ReadOptions, kind: type[R], key: str) 
 def resolve(session_file: Path, named: str) -> Path:
     """The path of a file that a session names, relative to the session file and inside its folder.
 
-    A folder is accepted if it is a ROS 2 bag or holds task data. Raises InputError for what is outside, or missing.
+    A folder is accepted if it is a ROS 2 bag, a field of AgOpenGPS or holds task data. Raises InputError for what is
+    outside, or missing.
     """
     folder = session_file.resolve().parent
     try:
         path = resolved(folder / named)
         inside = list(path.iterdir()) if path.is_dir() else []
-        # A ROS 2 bag, or task data.
-        is_whole = any(
-            file.name == "metadata.yaml"
-            or file.name.upper() == "TASKDATA.XML"
-            or not {".db3", ".mcap"}.isdisjoint(file.suffixes)
-            for file in inside
-        )
+        is_bag = any(file.name == "metadata.yaml" or not {".db3", ".mcap"}.isdisjoint(file.suffixes) for file in inside)
+        is_whole = bool(inside) and (is_bag or is_field_folder(path) or is_task_data(path))
+        if is_whole:
+            inside += [file for below in inside if below.is_dir() for file in below.iterdir()]
         is_outside = any(leads_out(place, folder) for place in (path, *(inside if is_whole else ())))
         is_file, is_folder = path.is_file(), path.is_dir()
     except (OSError, ValueError) as error:

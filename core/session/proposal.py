@@ -273,6 +273,7 @@ def propose_session(
         *([Notice("crs", code=crs.code, crs=crs.name, reason=crs.reason)] if crs is not None else []),
         *(Notice("crs-alternative", other=other) for other in (crs.alternatives if crs is not None else ())),
         *(Notice("recording", name=path.name, title=title) for title, path in beside.titled),
+        *beside.notices,
     ]
     lacking = {"no-lidar": not (sensed or states), "no-positions": not (gnss or poses), "no-crs": crs is None}
     unused = [r for r in ordered if r not in used and r not in repeated]

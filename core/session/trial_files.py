@@ -6,11 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.readers.areas.area import IDS
+from furrowmap.core.readers.areas.polygons import IDS, open_polygons
 from furrowmap.core.readers.exif import image_size, is_image_table, read_image_table
-from furrowmap.core.readers.text_table import read_sheet
-from furrowmap.core.readers.vector_file import read_polygons
-from furrowmap.core.runtime.errors import FurrowmapError, InputError
+from furrowmap.core.readers.text_table import read_table
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 
 _TABLES: Final = (".csv", ".xlsx", ".xls", ".ods")
 _MOST_TABLE_BYTES: Final = 2_000_000
@@ -29,7 +28,7 @@ class ImageTable:
 
 @dataclass(frozen=True)
 class ParcelFile:
-    """A vector file with several polygons; `column` has their identifiers."""
+    """A file with several polygons; `column` has their identifiers."""
 
     path: Path
     parcels: int
@@ -43,20 +42,24 @@ class TrialFiles:
     images: ImageTable | None = None
     parcels: ParcelFile | None = None
     treatments: Path | None = None
+    notices: tuple[Notice, ...] = ()
 
     @classmethod
     def among(cls, paths: Iterable[Path]) -> "TrialFiles":
         """Those among files; files of other kinds, and those that cannot be read, are passed over."""
-        images, parcels, treatments = None, None, None
+        images: ImageTable | None = None
+        parcels: ParcelFile | None = None
+        treatments: Path | None = None
+        notices: list[Notice] = []
         for path in paths:
             if not path.is_file():  # reading a pipe would wait for ever
                 continue
             if path.suffix.lower() in _VECTORS:
-                parcels = parcels or _parcels(path)
+                parcels = parcels or _parcels(path, notices)
             elif path.suffix.lower() in _TABLES:
-                images = images or _images(path)
-                treatments = treatments or (path if _has_treatments(path) else None)
-        return cls(images, parcels, treatments)
+                images = images or _images(path, notices)
+                treatments = treatments or (path if _has_treatments(path, notices) else None)
+        return cls(images, parcels, treatments, tuple(dict.fromkeys(notices)))
 
     @property
     def titled(self) -> list[tuple[str, Path]]:
@@ -72,37 +75,44 @@ class TrialFiles:
 NO_TRIAL: Final = TrialFiles()
 
 
-def _images(path: Path) -> ImageTable | None:
+def _images(path: Path, notices: list[Notice]) -> ImageTable | None:
     try:
         if path.suffix.lower() != ".csv" or not is_image_table(path):
             return None
-        files = read_image_table(path, path.resolve().parent, []).paths
+        files = read_image_table(path, path.resolve().parent, told := list[Notice]()).paths
     except FurrowmapError:
         return None
+    notices += told
     try:
         return ImageTable(path, len(files), image_size(files[0]) if files else None)
     except InputError:  # without Pillow
         return ImageTable(path, len(files), None)
 
 
-def _parcels(path: Path) -> ParcelFile | None:
+def _parcels(path: Path, notices: list[Notice]) -> ParcelFile | None:
     try:
-        rows = read_polygons(path, partial(_unreadable, path)).attributes
+        polygons = open_polygons(path, None, partial(_unreadable, path))
     except FurrowmapError:
         return None
+    rows = polygons.attributes
     columns = {name.casefold(): name for row in reversed(rows) for name in row}
     column = next((columns[name] for name in IDS if name in columns), None)
-    return ParcelFile(path, len(rows), column) if len(rows) > 1 and column is not None else None
+    if len(rows) < 2 or column is None:
+        return None
+    notices += polygons.notices
+    return ParcelFile(path, len(rows), column)
 
 
-def _has_treatments(path: Path) -> bool:
+def _has_treatments(path: Path, notices: list[Notice]) -> bool:
     try:
         if path.stat().st_size > _MOST_TABLE_BYTES:
             return False
-        table = read_sheet(path, partial(_unreadable, path))
+        table = read_table(path, partial(_unreadable, path))
     except FurrowmapError:
         return False
-    return "treatment" in table.columns and table.find(IDS) is not None
+    found = "treatment" in table.columns and table.find(IDS) is not None
+    notices += table.notices if found else ()
+    return found
 
 
 def _unreadable(path: Path, why: str) -> InputError:

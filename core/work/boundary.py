@@ -35,7 +35,7 @@ def field_boundary(
     field of the name, or the field lies outside the map.
     """
     notices: list[Notice] = []
-    fields = read_fields(file, notices)
+    fields = read_fields(file, notices, frame.crs)
     if name is not None:
         wanted = [field for field in fields if name.casefold().strip() in map(str.casefold, field.names)]
         if not wanted:
@@ -96,7 +96,7 @@ def _apart(boundary: BaseGeometry, drive: BaseGeometry) -> Notice:
 def ground_to_map(file: Path, frame: MapFrame) -> Area:
     """All polygons of a file, or of task data, as an area of the map; errors as of :func:`field_boundary`."""
     notices: list[Notice] = []
-    shape = boundary_on_map(_union(read_fields(file, notices)), frame)
+    shape = boundary_on_map(_union(read_fields(file, notices, frame.crs)), frame)
     polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
     return Area(file, tuple(polygons), tuple(notices))
 

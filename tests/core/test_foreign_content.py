@@ -34,7 +34,7 @@ from furrowmap.core.simulator.scenario import load_scenario
 MAP = CRS.from_epsg(6677)
 READERS: dict[str, Callable[[Path], object]] = {
     "points-unreadable": lambda path: read_points(path, MAP),
-    "control-pixels-unreadable": lambda path: read_pixels(path, ("A",)),
+    "control-pixels-unreadable": lambda path: read_pixels(path, ("A",), []),
     "treatments-unreadable": read_treatments,
     "parcel-table-unreadable": lambda path: read_measured(path, "height_m"),
     "parcels-unreadable": lambda path: read_parcels(path, MAP),

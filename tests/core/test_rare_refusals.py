@@ -30,7 +30,7 @@ from furrowmap.core.readers import text_table
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.exif import expect_pillow
-from furrowmap.core.readers.text_table import MAX_SHEET_BYTES, read_sheet
+from furrowmap.core.readers.text_table import MAX_SHEET_BYTES, read_table
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.runtime.options import Option
@@ -107,8 +107,9 @@ def test_archives__that_unpack_to_far_more_than_their_size(tmp_path: Path, monke
 
 
 def test_sheets__that_are_too_large_or_empty(tmp_path: Path) -> None:
-    large, empty = tmp_path / "large.csv", tmp_path / "empty.xlsx"
+    large, empty = tmp_path / "large.xls", tmp_path / "empty.xlsx"
     with large.open("wb") as file:
+        file.write(b"\xd0\xcf\x11\xe0")
         file.truncate(MAX_SHEET_BYTES + 1)
     pd.DataFrame().to_excel(empty, index=False)
     for path, words in ((large, "20,000,001 bytes is too large"), (empty, "its first sheet is empty")):
@@ -124,7 +125,7 @@ def test_an_interruption__while_a_sheet_is_read_is_no_damage(tmp_path: Path, mon
     pd.DataFrame({"plot": [1]}).to_excel(tmp_path / "a.xlsx", index=False)
     monkeypatch.setattr(json, "loads", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        read_sheet(tmp_path / "a.xlsx", pytest.fail)
+        read_table(tmp_path / "a.xlsx", pytest.fail)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from typing import Final
 
 import msgspec
 
+from furrowmap.core.readers.boundary import notices_of_fields
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.memory import peak_memory_bytes
@@ -371,10 +372,12 @@ class _Batch:
             plan.notices.append(
                 Notice("batch-no-session", without=len(without), shown=shown, is_without=len(without) > 3)
             )
+        if boundaries:
+            plan.notices += notices_of_fields(Path(boundaries))
         usable = [source for source in sources if machine or not source.made]
         if not usable:
             raise InputError("batch-nothing", without_count=len(without) if without else None)
-        decisive = [stamp(Path(path)) for path in (machine, boundaries) if path]
+        decisive = [stamp(file) for path in (machine, boundaries) if path for file in _files_of(Path(path))]
         found, due, keys = dict[str, PreparedSource](), list[tuple[str, BatchSource]](), dict[str, str]()
         for source in usable:
             content = msgspec.json.encode([own_version(), source.stamps, decisive])
@@ -447,3 +450,9 @@ def _size(stamps: Sequence[Stamp]) -> int:
 
 def _lost(name: str) -> Failure:
     return Failure.from_error(FurrowmapError("batch-worker-lost", name=name, attempts=ATTEMPTS))
+
+
+def _files_of(path: Path) -> list[Path]:
+    """A file, or the files of a field folder or of task data."""
+    inside = sorted(file for pattern in ("*", "*/*") for file in path.glob(pattern) if file.is_file())
+    return inside if path.is_dir() else [path]

@@ -128,7 +128,7 @@ def prepare(source: BatchSource, machine: str, boundaries: str) -> PreparedSourc
             session = parse_session(text, str(file))
             if not boundaries or session.field.boundary is not None:
                 return PreparedSource(text)
-            return PreparedSource(text, tuple(_visits(file, session, read_fields(Path(boundaries)))))
+            return PreparedSource(text, tuple(_visits(file, session, Path(boundaries))))
     except Exception as error:  # noqa: BLE001 whatever is wrong with one source is a row of the table
         return PreparedSource(failure=Failure.from_error(as_furrowmap_error(error)))
 
@@ -186,9 +186,10 @@ def visits_of(
     return kept
 
 
-def _visits(file: Path, session: Session, fields: Sequence[FieldOutline]) -> list[FieldVisit]:
+def _visits(file: Path, session: Session, boundaries: Path) -> list[FieldVisit]:
     inputs = Inputs.find(file, session)
     opened = OpenSession(file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
+    fields = read_fields(boundaries, target=opened.frame.crs)
     t_s, xy_m = _places(opened)
     near = [field for field in fields if _near(field, opened, xy_m)]
     found = visits_of(t_s, xy_m, [boundary_on_map(field.outline, opened.frame) for field in near])

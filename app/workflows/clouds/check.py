@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from furrowmap.core.checking.check import Check, check_product
 from furrowmap.core.checking.paired_points import PAIR_COLUMNS, PairedPoints, pairs_of_files, pairs_of_product
 from furrowmap.core.checking.point_check import CHECK_COLUMNS
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.readers.surveyed_points import SurveyOptions
+from furrowmap.core.readers.surveyed_points import SurveyOptions, may_hold_points
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.csv_cells import write_csv_table
 from furrowmap.settings import CheckSettings
-
-TABLES: Final = frozenset({".csv", ".txt", ".tsv", ".gpkg"})
-"""Suffixes of tables of points; anything else is a product."""
 
 if TYPE_CHECKING:
     import pyproj
@@ -37,7 +34,7 @@ def check(
     RMSE after ASPRS Positional Accuracy Standards, Edition 2 (2023), with the accuracy of the points included.
 
     Args:
-        points: CSV or GeoPackage of surveyed points, in the product's height system.
+        points: table, vector file or Elevation.txt (AgOpenGPS) of surveyed points, in the product's height system.
         crs: CRS of the points, and of a cloud, where their files state none; the product's by default.
         table: CSV to write, one point a row.
 
@@ -74,8 +71,8 @@ def check_pairs(
     """Compare points that are named alike: differences and their RMS in easting, northing and height.
 
     Args:
-        measured: CSV or GeoPackage of points measured in a product, or a cloud or surface to measure them in.
-        surveyed: CSV or GeoPackage of the survey.
+        measured: table or vector file of points measured in a product, or a cloud or surface to measure them in.
+        surveyed: table or vector file of the survey.
         crs: of the plane for points in degrees; for a product as in :func:`check`.
         table: CSV to write, one point a row.
 
@@ -85,7 +82,7 @@ def check_pairs(
     """
     if table is not None:
         refuse_existing(Path(table), overwrite=overwrite)
-    if Path(measured).suffix.lower() in TABLES:
+    if may_hold_points(Path(measured)):
         pairs = pairs_of_files(Path(measured), Path(surveyed), optional_crs(crs), settings.area_file)
     else:
         found = check(measured, surveyed, settings, crs=crs, progress=progress)

@@ -20,7 +20,7 @@ from furrowmap.core.dates.network import MOVE_SIZE, Network, adjust_network, int
 from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair, tie_points
 from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
-from furrowmap.core.readers.surveyed_points import SurveyOptions
+from furrowmap.core.readers.surveyed_points import SurveyOptions, may_hold_points
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
@@ -51,7 +51,6 @@ from furrowmap.exporters.reports.pages import write_html
 from furrowmap.exporters.reports.season_pages import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
 from furrowmap.settings import TieSettings
-from furrowmap.workflows.clouds.check import TABLES
 from furrowmap.workflows.clouds.surface import no_warning
 
 MAX_DATES_APART: Final = 4
@@ -468,8 +467,8 @@ def open_reference(
     sigma_m: float,
     stack: ExitStack,
 ) -> Reference:
-    """Open a table of points (.csv, .txt, .tsv, .gpkg) or a GeoTIFF; its heights have the standard deviation."""
-    if path.suffix.lower() in TABLES:
+    """Open points with heights (:mod:`.surveyed_points`) or a GeoTIFF; its heights have the standard deviation."""
+    if may_hold_points(path):
         # the points themselves carry the survey's errors
         return Reference(path, None, np.full(6, _SURE), sigma_m or None)
     file, first = surface_file(path), dates[0].after

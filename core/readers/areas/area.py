@@ -1,9 +1,5 @@
-"""Areas of the map: polygons of a vector file, and whether points lie in them.
+"""Areas of the map: the polygons of a file, and whether points lie in them."""
 
-The polygons may be a table of corners, too (CSV: id, e_m, n_m or lon_deg, lat_deg).
-"""
-
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,72 +13,13 @@ from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.longitudes import middle_deg
-from furrowmap.core.readers.areas.repair import whole_in_degrees, workable
+from furrowmap.core.readers.areas.polygons import open_polygons
+from furrowmap.core.readers.areas.repair import whole_in_degrees
 from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
-from furrowmap.core.readers.text_table import is_separator_line, number_or_text, read_table
-from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, VECTOR_FORMATS, Polygons, Unreadable, read_polygons
+from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, Unreadable
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
-
-IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
-"""Accepted names of the column of identifiers, in any case."""
-_MAP_PAIRS: Final = (("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"))
-_DEGREE_PAIRS: Final = (("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"))
-
-
-def _is_corner_table(path: Path) -> bool:
-    """Whether a file is a text whose first line names columns of coordinates."""
-    try:
-        with open_plain(path) as file:
-            head = file.read(4096)
-    except OSError:
-        return False
-    wide = head[:2] in (b"\xff\xfe", b"\xfe\xff")
-    text = head.decode("utf-16", "ignore") if wide else head.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
-    first, *rest = text.split("\n")
-    if rest and is_separator_line(first):
-        first = rest[0]
-    if "\0" in text or first.lstrip()[:1] in ("{", "<", "["):
-        return False
-    words = {word.strip().strip('"').casefold() for word in re.split(r"[,;\t]", first)}
-    return any(x in words and y in words for x, y in (*_MAP_PAIRS, *_DEGREE_PAIRS))
-
-
-def _corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
-    """The polygons of the rows with the same identifier, in order, in the CRS of the map or its geographic base."""
-    size = path.stat().st_size
-    if size > MAX_VECTOR_BYTES:
-        raise unreadable(f"{size:,} bytes is too large for a table of corners")
-    table = read_table(path, unreadable)
-    names = next((pair for pair in (*_MAP_PAIRS, *_DEGREE_PAIRS) if set(pair) <= set(table.columns)), None)
-    column = table.find(IDS)
-    if names is None or column is None or not table.lines:
-        raise unreadable(f"no rows with an identifier and two coordinates (its columns: {table.names})")
-    xy = np.column_stack([table.numbers(name) for name in names])
-    for name in names:
-        fault = table.first_fault(name)
-        if fault is not None:
-            raise unreadable(f"line {fault[0]} holds {fault[1]!r} under {name}")
-    if not np.isfinite(xy).all():
-        row = int(np.flatnonzero(~np.isfinite(xy).all(axis=1))[0])
-        raise unreadable(f"line {table.lines[row]} has a coordinate that is empty or not finite")
-    rows: dict[str, list[int]] = {}
-    for k, name in enumerate(table.columns[column]):
-        rows.setdefault(name.strip(), []).append(k)
-    others = {key: cells for key, cells in table.columns.items() if key not in (column, *names)}
-    shapes, attributes = [], []
-    for name, members in rows.items():
-        if len(members) < 3:
-            raise unreadable(f"parcel {name!r} has {len(members)} corners, and a polygon has three or more")
-        shapes.append(shapely.Polygon(xy[members]))
-        attributes.append({column: name, **{key: number_or_text(cells[members[0]]) for key, cells in others.items()}})
-    crs = target if names in _MAP_PAIRS else target.geodetic_crs or target
-    try:
-        return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, 0, table.notices)
-    except ValueError as error:
-        raise unreadable(str(error)) from None
 
 
 def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
@@ -90,8 +27,7 @@ def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons
 
     InputError if the file cannot be read, has no polygon, or its coordinates lie outside the domain of `target`.
     """
-    table = _is_corner_table(path)
-    polygons = _corner_polygons(path, target, unreadable) if table else read_polygons(path, unreadable)
+    polygons = open_polygons(path, target, unreadable)
     try:
         # A polygon of one part instead of a multipolygon of one.
         single = [

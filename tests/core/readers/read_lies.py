@@ -17,7 +17,7 @@ from typing import Any
 
 from furrowmap.core.readers.exif import read_pixels
 from furrowmap.core.readers.las.cloud import open_cloud, survey
-from furrowmap.core.readers.text_table import read_sheet, read_table
+from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
 from furrowmap.core.session.file import load_session
 from tests.fuzz.reading import inspect_recording, read_recording
@@ -39,7 +39,7 @@ WAYS = {
     "cloud": lambda path: survey(open_cloud(path)),
     "session": load_session,
     "table": lambda path: read_table(path, unreadable),
-    "sheet": lambda path: read_sheet(path, unreadable),
+    "sheet": lambda path: read_table(path, unreadable),
     "image": lambda path: deque([read_pixels(path, 1)], maxlen=0),
 }
 

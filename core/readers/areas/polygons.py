@@ -1,0 +1,114 @@
+"""The one way in for polygons: vector files, tables of corners, field folders of AgOpenGPS, ISO 11783 task data.
+
+A table of corners has a row per corner: id, and e_m, n_m or lon_deg, lat_deg.
+"""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import shapely
+from pyproj import CRS
+
+from furrowmap.core.readers.agopengps import is_field_folder, read_outline
+from furrowmap.core.readers.areas.repair import repaired, workable
+from furrowmap.core.readers.isoxml.content import is_task_data, open_task_sets, read_content
+from furrowmap.core.readers.text_table import column_names, is_spreadsheet, number_or_text, read_table
+from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable, read_polygons
+
+_LONGITUDES: Final = CRS.from_epsg(4326)
+IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
+"""Accepted names of the column of identifiers, in any case."""
+_MAP_PAIRS: Final = (("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"))
+_DEGREE_PAIRS: Final = (("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"))
+
+
+def open_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> Polygons:
+    """The polygons of a file or folder, in its own coordinates.
+
+    Args:
+        path: of a vector file (:mod:`..vector_file`); a table of corners; a field folder of AgOpenGPS, which is one
+            polygon; or task data, whose polygons are its fields.
+        target: projected CRS of the map, for tables of corners, whose longitudes and latitudes are in its datum. None
+            if there is no map yet: eastings and northings are then refused.
+        unreadable: makes the error.
+
+    Raises:
+        InputError: that of `unreadable` if it has another format, cannot be read, has no polygon or states no CRS;
+            another if task data are incomplete or damaged.
+        RefusedError: if an archive unpacks to far more than its size.
+    """
+    if is_field_folder(path):
+        return _of_agopengps(path, unreadable)
+    if is_task_data(path):
+        return _of_task_data(path, unreadable)
+    if path.is_dir():
+        raise unreadable("it is a folder, and neither that of a field of AgOpenGPS nor of task data")
+    return _corner_polygons(path, target, unreadable) if _is_corner_table(path) else read_polygons(path, unreadable)
+
+
+def _of_agopengps(folder: Path, unreadable: Unreadable) -> Polygons:
+    outline = read_outline(folder, unreadable)
+    try:
+        return Polygons((repaired(outline),), ({"name": folder.resolve().name},), _LONGITUDES)
+    except ValueError as error:
+        raise unreadable(str(error)) from None
+
+
+def _of_task_data(path: Path, unreadable: Unreadable) -> Polygons:
+    sets = [read_content(files) for files in open_task_sets(path)]
+    fields = [one for content in sets for one in content.partfields.values()]
+    known = [one for one in fields if one.boundary is not None]
+    if not known:
+        raise unreadable(f"none of its {len(fields)} fields has a boundary")
+    names = tuple({"name": one.name or None, "id": one.id} for one in known)
+    shapes = tuple(one.boundary for one in known if one.boundary is not None)
+    return Polygons(shapes, names, _LONGITUDES, tuple(notice for one in sets for notice in one.notices))
+
+
+def _is_corner_table(path: Path) -> bool:
+    """Whether a file is a spreadsheet, or a text whose header names columns of coordinates."""
+    try:
+        words = set(_MAP_PAIRS[0]) if is_spreadsheet(path) else set(column_names(path))
+    except OSError:
+        return False
+    return any(x in words and y in words for x, y in (*_MAP_PAIRS, *_DEGREE_PAIRS))
+
+
+def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> Polygons:
+    """The polygons of the rows with the same identifier, in order, in the CRS of the map or its geographic base."""
+    size = path.stat().st_size
+    if size > MAX_VECTOR_BYTES:
+        raise unreadable(f"{size:,} bytes is too large for a table of corners")
+    table = read_table(path, unreadable)
+    names = next((pair for pair in (*_MAP_PAIRS, *_DEGREE_PAIRS) if set(pair) <= set(table.columns)), None)
+    column = table.find(IDS)
+    if names is None or column is None or not table.lines:
+        raise unreadable(f"no rows with an identifier and two coordinates (its columns: {table.names})")
+    xy = np.column_stack([table.numbers(name) for name in names])
+    for name in names:
+        fault = table.first_fault(name)
+        if fault is not None:
+            raise unreadable(f"line {fault[0]} holds {fault[1]!r} under {name}")
+    if not np.isfinite(xy).all():
+        row = int(np.flatnonzero(~np.isfinite(xy).all(axis=1))[0])
+        raise unreadable(f"line {table.lines[row]} has a coordinate that is empty or not finite")
+    rows: dict[str, list[int]] = {}
+    for k, name in enumerate(table.columns[column]):
+        rows.setdefault(name.strip(), []).append(k)
+    others = {key: cells for key, cells in table.columns.items() if key not in (column, *names)}
+    shapes, attributes = [], []
+    for name, members in rows.items():
+        if len(members) < 3:
+            raise unreadable(f"parcel {name!r} has {len(members)} corners, and a polygon has three or more")
+        shapes.append(shapely.Polygon(xy[members]))
+        attributes.append({column: name, **{key: number_or_text(cells[members[0]]) for key, cells in others.items()}})
+    if target is None and names in _MAP_PAIRS:
+        raise unreadable("it states no CRS for its eastings and northings; longitudes and latitudes need none")
+    base = target.geodetic_crs if target is not None else _LONGITUDES
+    crs = target if target is not None and (names in _MAP_PAIRS or base is None) else base
+    assert crs is not None
+    try:
+        return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, table.notices)
+    except ValueError as error:
+        raise unreadable(str(error)) from None

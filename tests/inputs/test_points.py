@@ -1,0 +1,265 @@
+"""Every kind of file of points with heights in every place that takes them: the same points, or a refusal."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import geopandas as gpd
+import numpy as np
+import pandas as pd
+import pytest
+import rasterio
+import shapely
+from pyproj import CRS, Transformer
+from rasterio.transform import from_origin
+
+from furrowmap.core.checking.check import check_product
+from furrowmap.core.checking.paired_points import pairs_of_files
+from furrowmap.core.checking.point_check import surface_at_points
+from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.workflows.clouds.check import check_pairs
+
+MAP = CRS.from_epsg(25832)
+EAST, NORTH = 580_000.0, 5_700_000.0
+XYZ = np.array([[EAST + 10.0 + k, NORTH + 12.0 + 2.0 * k, 100.0 + 0.25 * k] for k in range(5)])
+NAMES = [f"P{k}" for k in range(5)]
+TO_DEGREES = Transformer.from_crs(MAP, 4258, always_xy=True)
+DEGREES = np.column_stack([*TO_DEGREES.transform(*XYZ[:, :2].T), XYZ[:, 2]])
+TABLE = gpd.GeoDataFrame({"name": NAMES}, geometry=list(shapely.points(XYZ)), crs=MAP)
+DRIVERS = {"gpkg": "GPKG", "fgb": "FlatGeobuf", "shp": "ESRI Shapefile"}
+
+
+def layer(folder: Path, name: str, table: gpd.GeoDataFrame = TABLE) -> Path:
+    path = folder / name
+    driver = DRIVERS[path.suffix[1:]]
+    options = {"SPATIAL_INDEX": "NO"} if driver == "FlatGeobuf" else {}
+    table.to_file(path, driver=driver, engine="pyogrio", **options)
+    return path
+
+
+def zipped(folder: Path) -> Path:
+    layer(folder, "a.shp")
+    with zipfile.ZipFile(folder / "a.zip", "w") as packed:
+        for part in sorted(folder.glob("a.[sdpc]*")):
+            packed.write(part, part.name)
+    return folder / "a.zip"
+
+
+def geojson(folder: Path, *, flat: bool = False, extra: str = "", multi: bool = False) -> Path:
+    """In the plane of the map, as files of before RFC 7946 name it: exact, unlike WGS 84."""
+    features: list[Any] = []
+    for name, place in zip(NAMES, XYZ.tolist(), strict=True):
+        where = place[:2] if flat else place
+        geometry = {"type": "MultiPoint" if multi else "Point", "coordinates": [where] if multi else where}
+        properties = {"name": name, **({extra: place[2]} if extra else {})}
+        features.append({"type": "Feature", "properties": properties, "geometry": geometry})
+    features.append({"type": "Feature", "properties": {"name": "none"}, "geometry": None})
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}
+    path = folder / "a.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}))
+    return path
+
+
+def kml(folder: Path, *, mode: str = "absolute", column: bool = False, add_m: float = 0.0) -> Path:
+    marks = []
+    for name, (lon, lat, height) in zip(NAMES, DEGREES.tolist(), strict=True):
+        data = f'<ExtendedData><Data name="elevation"><value>{height}</value></Data></ExtendedData>' if column else ""
+        place = f"<altitudeMode>{mode}</altitudeMode><coordinates>{lon:.10f},{lat:.10f},{height + add_m}</coordinates>"
+        marks.append(f"<Placemark><name>{name}</name>{data}<Point>{place}</Point></Placemark>")
+    path = folder / "a.kml"
+    path.write_text(f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document>{"".join(marks)}</Document></kml>')
+    return path
+
+
+def table(folder: Path, suffix: str = "csv", *, degrees: bool = False) -> Path:
+    places = DEGREES if degrees else XYZ
+    columns = ["lon_deg", "lat_deg", "h_m"] if degrees else ["e_m", "n_m", "h_m"]
+    frame = pd.DataFrame({"name": NAMES, **dict(zip(columns, places.T, strict=True))})
+    path = folder / f"a.{suffix}"
+    frame.to_excel(path, index=False) if suffix == "xlsx" else frame.to_csv(path, index=False)
+    return path
+
+
+def agopengps(folder: Path) -> Path:
+    field = folder / "North"
+    field.mkdir()
+    (field / "Field.txt").write_text("2026-May-01\n$FieldDir\nNorth\nStartFix\n51.4,10.1\n")
+    head = "2026-May-01\r\n$FieldDir\r\nElevation\r\nStartFix\r\n51.4,10.1\r\n"
+    head += "Latitude,Longitude,Elevation,Quality,Easting,Northing,Heading,Roll\r\n"
+    rows = "".join(f"{lat:.9f},{lon:.9f},{height},4,1,234.50,0.00,1.571,0\r\n" for lon, lat, height in DEGREES.tolist())
+    (field / "Elevation.txt").write_text(head + rows)
+    return field
+
+
+def linked(folder: Path) -> Path:
+    layer(folder, "target.gpkg")
+    (folder / "link.gpkg").symlink_to("target.gpkg")
+    return folder / "link.gpkg"
+
+
+def layers(folder: Path) -> Path:
+    path = folder / "a.gpkg"
+    gpd.GeoDataFrame(geometry=[shapely.box(*XYZ[0, :2], *XYZ[1, :2])], crs=MAP).to_file(path, layer="plots")
+    TABLE.to_file(path, layer="points", mode="a")
+    return path
+
+
+def without_z(**columns: Any) -> gpd.GeoDataFrame:
+    return gpd.GeoDataFrame({"name": NAMES, **columns}, geometry=list(shapely.points(XYZ[:, :2])), crs=MAP)
+
+
+def with_zero(**columns: Any) -> gpd.GeoDataFrame:
+    return gpd.GeoDataFrame({"name": NAMES, **columns}, geometry=list(shapely.points(*XYZ[:, :2].T, 0.0)), crs=MAP)
+
+
+def with_nothing() -> gpd.GeoDataFrame:
+    return gpd.GeoDataFrame({"name": [*NAMES, "none"]}, geometry=[*TABLE.geometry, None], crs=MAP)
+
+
+Made = Callable[[Path], Path]
+PROPERTIES: Mapping[str, Made] = {
+    "table": table,
+    "table in degrees": lambda folder: table(folder, degrees=True),
+    "spreadsheet": lambda folder: table(folder, "xlsx"),
+    "GeoPackage": lambda folder: layer(folder, "a.gpkg"),
+    "FlatGeobuf": lambda folder: layer(folder, "a.fgb"),
+    "Shapefile": lambda folder: layer(folder, "a.shp"),
+    "Shapefile in a zip archive": zipped,
+    "GeoJSON": geojson,
+    "GeoJSON of MultiPoints": lambda folder: geojson(folder, multi=True),
+    "GeoJSON with the height in a column": lambda folder: geojson(folder, flat=True, extra="elevation"),
+    "KML": kml,
+    "KML with altitudes above ground and the height in a column": lambda folder: kml(
+        folder, mode="relativeToGround", column=True, add_m=-90.0
+    ),
+    "several layers, the first of polygons": layers,
+    "MultiPoints of one member": lambda folder: layer(
+        folder, "a.gpkg", TABLE.set_geometry([shapely.MultiPoint([one]) for one in TABLE.geometry])
+    ),
+    "features without a geometry": lambda folder: layer(folder, "a.gpkg", with_nothing()),
+    "z = 0 and the height in a column": lambda folder: layer(folder, "a.gpkg", with_zero(elevation=XYZ[:, 2])),
+    "no z and the height in a column": lambda folder: layer(folder, "a.shp", without_z(h_m=XYZ[:, 2])),
+    "another projected CRS of the datum": lambda folder: layer(folder, "a.gpkg", TABLE.to_crs(25833)),
+    "longitudes and latitudes of the datum": lambda folder: layer(folder, "a.gpkg", TABLE.to_crs(4258)),
+    "symbolic link": linked,
+    "field folder of AgOpenGPS": agopengps,
+    "Elevation.txt of AgOpenGPS": lambda folder: agopengps(folder) / "Elevation.txt",
+}
+
+
+def compressed(folder: Path) -> Path:
+    path = folder / "a.gpkg.gz"
+    path.write_bytes(gzip.compress(layer(folder, "a.gpkg").read_bytes()))
+    return path
+
+
+def lines(folder: Path) -> Path:
+    frame = gpd.GeoDataFrame({"name": ["x"]}, geometry=[shapely.LineString(XYZ)], crs=MAP)
+    return layer(folder, "a.gpkg", frame)
+
+
+REFUSED: Mapping[str, Made] = {
+    "gzip of a binary file": compressed,
+    "lines": lines,
+    "no heights": lambda folder: layer(folder, "a.gpkg", without_z()),
+    "KML with altitudes above ground alone": lambda folder: kml(folder, mode="relativeToGround"),
+    "an empty folder": lambda folder: (folder / "empty").mkdir() or folder / "empty",
+}
+
+
+def surface(folder: Path) -> Path:
+    """A surface on the plane of the points: 100 m and 0.25 m more for each metre to the east."""
+    path = folder / "dsm.tif"
+    east = EAST + 0.5 * np.arange(60) + 0.25
+    heights = np.tile(100.0 + 0.25 * (east - EAST - 10.0), (80, 1)).astype("float32")
+    profile = {"driver": "GTiff", "width": 60, "height": 80, "count": 1, "dtype": "float32", "crs": "EPSG:25832"}
+    with rasterio.open(path, "w", transform=from_origin(EAST, NORTH + 40.0, 0.5, 0.5), **profile) as raster:
+        raster.write(heights, 1)
+    return path
+
+
+def by_check(path: Path) -> FloatArray:
+    found = check_product(surface(path.parent), path)
+    np.testing.assert_allclose([point.error_m[2] for point in found.points], 0.0, atol=1e-4)
+    return np.array([point.surveyed_m for point in found.points])
+
+
+def by_tie(path: Path) -> FloatArray:
+    found = surface_at_points(surface(path.parent), path, SurveyOptions())
+    return np.array([point.surveyed_m for point in found.points])
+
+
+def by_session(path: Path) -> FloatArray:
+    return read_points(path, MAP).xyz_m
+
+
+def truth(folder: Path) -> Path:
+    """Points of the same names, or numbers where the file has no names."""
+    path = folder / "truth.csv"
+    rows = [f"{name},{x},{y},{z}\n" for k, (x, y, z) in enumerate(XYZ.tolist()) for name in (f"P{k}", k + 1)]
+    path.write_text("name,e_m,n_m,h_m\n" + "".join(rows))
+    return path
+
+
+def by_measured(path: Path) -> FloatArray:
+    pairs = check_pairs(path, truth(path.parent), crs=MAP)
+    return XYZ + pairs.difference_m
+
+
+def by_surveyed(path: Path) -> FloatArray:
+    return XYZ - pairs_of_files(truth(path.parent), path, MAP).difference_m
+
+
+PLACES: Mapping[str, Callable[[Path], FloatArray]] = {
+    "check POINTS": by_check,
+    "check --pairs CLOUD_OR_DSM": by_measured,
+    "check --pairs POINTS": by_surveyed,
+    "tie --reference": by_tie,
+    "[field] check_points, [camera] control_points": by_session,
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("stated", PROPERTIES)
+def test_points__do_not_depend_on_the_file(stated: str, place: str, tmp_path: Path) -> None:
+    found = PLACES[place](PROPERTIES[stated](tmp_path))
+    np.testing.assert_allclose(found, XYZ, atol=2e-3 if "AgOpenGPS" in stated else 1e-4)
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("stated", REFUSED)
+def test_what_cannot_be_honoured__is_refused_in_three_lines(stated: str, place: str, tmp_path: Path) -> None:
+    with pytest.raises(FurrowmapError) as refused:
+        PLACES[place](REFUSED[stated](tmp_path))
+    assert len(str(refused.value).splitlines()) == 3
+
+
+def test_heights_of_agopengps__are_noticed_with_those_that_are_not_fixed(tmp_path: Path) -> None:
+    path = agopengps(tmp_path) / "Elevation.txt"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:-1], lines[-1].replace(",4,1,234", ",5,1,234"), "51.4,10."]))
+    found = read_points(path, MAP)
+    assert len(found) == 5
+    (notice,) = found.notices
+    assert notice.code == "points-of-guidance"
+    assert "5 heights" in notice.text
+    assert "1 of them have no fixed ambiguities" in notice.text
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("", "has no heights"), ("51.4,x,1,4,0,0\n51.4,10.1,1,4\n", "is damaged at"), ("99.0,10.1,1,4\n", "places")],
+)
+def test_heights_of_agopengps__that_are_damaged_or_none(text: str, words: str, tmp_path: Path) -> None:
+    path = agopengps(tmp_path) / "Elevation.txt"
+    header = "Latitude,Longitude,Elevation,Quality,Easting,Northing,Heading,Roll\n"
+    path.write_text(f"$FieldDir\nElevation\n{header}{text}")
+    with pytest.raises(FurrowmapError, match=words):
+        read_points(path, MAP)
