@@ -311,7 +311,7 @@ class CheckSettings:
         diameter_m: Diameter of the discs.
         points_sigma_m: Standard deviation of the survey on each axis.
         class_m: Maximum vertical RMSE (else exit status 4).
-        within: Compare points in these polygons only: a vector file, a table of corners, a field of AgOpenGPS, or task data.
+        within: Compare points in these polygons: a vector file, a table of corners, a field of AgOpenGPS, or task data.
     """
 
     targets: Targets = setting(

@@ -104,6 +104,123 @@ def test_promise_23__what_could_run_foreign_code_is_only_where_it_is_listed() ->
     assert found == ALLOWED.keys()
 
 
+READS = {
+    "rasterio.open", "laspy.open", "laspy.read", "laspy.CopcReader.open", "csv.reader", "csv.DictReader", "open",
+    "io.open", "os.open", "mmap.mmap", "np.loadtxt", "np.genfromtxt", "np.fromfile", "np.memmap", "Image.open",
+    "zipfile.ZipFile", "gzip.open", "lzma.open", "sqlite3.connect", "cv2.imread", "cv2.VideoCapture",
+    "read_dataframe", "tomllib.load", "json.load", "Source", "open_plain", "read_plain_text", "read_plain_bytes",
+    "read_small",
+}  # fmt: skip
+"""Open a file to be read, as do the methods below."""
+READING_METHODS = {"open", "read_text", "read_bytes", "read_info", "list_layers"}
+DOORS = {
+    "core/readers/csv_file.py": "logs in CSV", "core/readers/csv_text.py": "rows of a CSV",
+    "core/readers/text_table.py": "tables: text, spreadsheets, archives of a layer",
+    "core/readers/vector_file.py": "polygons and points of vector files",
+    "core/readers/ogr_layers.py": "layers by GDAL",
+    "core/readers/sqlite_file.py": "GeoPackages, before GDAL opens them",
+    "core/readers/areas/polygons.py": "polygons", "core/readers/agopengps.py": "field folders of AgOpenGPS",
+    "core/readers/isoxml/content.py": "task data", "core/readers/surveyed_points.py": "points with heights",
+    "core/readers/geotiff.py": "GeoTIFFs", "core/readers/raster_neighbours.py": "files beside a GeoTIFF",
+    "core/readers/raster_heights.py": "heights of a GeoTIFF, by a scratch file",
+    "core/readers/las/cloud.py": "clouds", "core/readers/las/decoding.py": "LAZ, in a process that may die of it",
+    "core/readers/las/e57.py": "clouds in E57", "core/readers/las/file.py": "clouds as recordings",
+    "core/readers/las/tables.py": "clouds in PCD and PLY",
+    "core/readers/source.py": "recordings", "core/readers/reader.py": "recordings, by their content",
+    "core/readers/ouster/osf.py": "OSF",
+    "core/readers/rosbag/bags.py": "bags", "core/readers/rosbag/storage.py": "bags",
+    "core/readers/exif.py": "images", "core/readers/exposure_marks.py": "marks beside images",
+    "core/readers/video.py": "videos", "core/session/file.py": "sessions", "core/session/machine.py": "machines",
+    "core/simulator/scenario.py": "scenarios", "core/geodesy/projection.py": "parameters of GSI",
+    "core/runtime/plain_reads.py": "regular files", "core/runtime/npz.py": "what a machine has learned",
+    "app/workflows/live/background.py": "maps for the background", "app/workflows/session/machines.py": "machines",
+}  # fmt: skip
+"""The ways in for files of users; GDAL, laspy and csv are called here."""
+NO_INPUTS = {
+    "app/__init__.py": "its own source", "app/kernel_cache.py": "sources of the package",
+    "app/warm_up.py": "a list of the package", "app/workflows/batch/batch.py": "products, copied into a store",
+    "app/workflows/calibrate/calibrate.py": "the session, to change it",
+    "app/workflows/live/feeds.py": "what a recorder is writing",
+    "app/workflows/live/server.py": "a script of the package",
+    "app/workflows/record/gnss_source.py": "a serial port", "app/workflows/record/receivers.py": "a receiver",
+    "app/workflows/record/record.py": "sockets", "app/workflows/record/session_file.py": "its own recording",
+    "app/workflows/run/run.py": "products of the run before", "app/workflows/season/season.py": "its own products",
+    "app/workflows/season/sources.py": "results", "app/workflows/share/qgis_plugin.py": "files of the package",
+    "app/workflows/share/share.py": "results", "cli/main.py": "the null device", "cli/worker.py": "standard input",
+    "core/geodesy/crs_choice.py": "tables of the package",
+    "core/pipeline/live_difference.py": "a live session's products",
+    "core/runtime/arrays.py": "memory", "core/runtime/memory.py": "the system's figures",
+    "core/runtime/languages/catalogue.py": "messages of the package",
+    "core/runtime/languages/messages.py": "messages of the package",
+    "core/session/examination.py": "a list of the package; readers",
+    "exporters/cloud/writer.py": "clouds of its own", "exporters/exchange/textured_mesh.py": "memory",
+    "exporters/exchange/vectors.py": "a file that it wrote", "exporters/farm/geopackage.py": "farm maps",
+    "exporters/farm/project.py": "a template of the package", "exporters/farm/results.py": "results",
+    "exporters/files/atomic.py": "folders, to flush them", "exporters/files/batch_state.py": "the state of a batch",
+    "exporters/files/file_records.py": "digests of files", "exporters/files/lease.py": "leases of its own",
+    "exporters/files/owner.py": "the system's figures", "exporters/files/plain_files.py": "what it writes",
+    "exporters/files/result_folder.py": "results", "exporters/files/staging.py": "its own notes",
+    "exporters/rasters/images.py": "memory", "exporters/rasters/relief.py": "the cloud of a result",
+    "exporters/reports/pages.py": "templates of the package", "exporters/share/page.py": "files of the package",
+    "exporters/share/shown_layers.py": "a list of the package", "exporters/vectors/geopackage.py": "layers of results",
+    "exporters/vectors/labels.py": "a list of the package",
+}  # fmt: skip
+"""Files that open what no user gives as an input."""
+
+
+def reads(tree: ast.AST) -> Iterator[str]:
+    """The calls in a file that open another to read it."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        called = ast.unparse(node.func)
+        modes = [argument.value for argument in node.args if isinstance(argument, ast.Constant)]
+        if any(isinstance(mode, str) and len(mode) < 4 and set(mode) & set("wxa") for mode in modes):
+            continue
+        if called in READS:
+            yield called
+        elif isinstance(node.func, ast.Attribute) and node.func.attr in READING_METHODS:
+            yield f".{node.func.attr}"
+
+
+def test_files_of_users__are_opened_in_the_doors_alone() -> None:
+    """One way in for each kind of input: a command that opened files by itself would lack what its siblings can."""
+    found = set()
+    for file, tree in product():
+        streams = {"Source", "read_small"} if file.startswith("core/readers/") else set()
+        if not file.startswith("plugin/") and set(reads(tree)) - streams:
+            found.add(file)
+    assert not DOORS.keys() & NO_INPUTS.keys()
+    assert found == DOORS.keys() | NO_INPUTS.keys()
+
+
+def test_gdal_laspy_and_csv__are_called_in_the_doors_or_on_own_products() -> None:
+    libraries = {"rasterio.open", "csv.reader", "csv.DictReader", "np.loadtxt", "Image.open", ".read_info"}
+    found = {file for file, tree in product() if libraries & set(reads(tree))}
+    assert found <= DOORS.keys()
+    clouds = {file for file, tree in product() if any(call.startswith("laspy.") for call in reads(tree))}
+    assert clouds == {"exporters/cloud/writer.py", "exporters/rasters/relief.py"}
+
+
+@pytest.mark.parametrize(
+    ("text", "call"),
+    [
+        ("with path.open('rb') as file: pass", ".open"),
+        ("rasterio.open(path)", "rasterio.open"),
+        ("path.read_text('utf-8')", ".read_text"),
+        ("open(path)", "open"),
+        ("Source(path)", "Source"),
+        ("pyogrio.read_info(path)", ".read_info"),
+    ],
+)
+def test_reads__finds_what_it_is_for(text: str, call: str) -> None:
+    assert set(reads(ast.parse(text))) == {call}
+
+
+def test_reads__leaves_out_what_is_written() -> None:
+    assert not set(reads(ast.parse("path.open('wb'); rasterio.open(path, 'w'); zipfile.ZipFile(path, 'x')")))
+
+
 @pytest.mark.parametrize(
     ("text", "danger"),
     [

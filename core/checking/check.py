@@ -21,7 +21,7 @@ from furrowmap.core.checking.point_check import (
     rounded,
     surface_at_points,
 )
-from furrowmap.core.readers.las.header import SIGNATURE
+from furrowmap.core.readers.las.cloud import is_cloud
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -212,11 +212,10 @@ def check_product(
     """
     if not product.is_file():
         raise InputError("no-such-file", product=product, is_product=bool(product.is_dir()))
-    with product.open("rb") as file:
-        is_cloud = file.read(4) == SIGNATURE
+    by_cloud = is_cloud(product)
     found = (
         cloud_at_points(product, points_file, options, targets, diameter_m, progress)
-        if is_cloud
+        if by_cloud
         else surface_at_points(product, points_file, options)
     )
     checks, survey = found.points, found.survey
@@ -243,9 +242,9 @@ def check_product(
             swapped=swapped or None,
         )
     notices = [*found.notices, *accuracy_notices(checks, accuracy, class_m, targets=targets != "none")]
-    if is_cloud:
+    if by_cloud:
         notices += precision_notices(accuracy.precision, class_m)
-    return Check("cloud" if is_cloud else "surface", found.crs, checks, accuracy, tuple(notices))
+    return Check("cloud" if by_cloud else "surface", found.crs, checks, accuracy, tuple(notices))
 
 
 def precision_notices(precision: InternalPrecision, class_m: float | None) -> list[Notice]:

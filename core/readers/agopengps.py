@@ -18,9 +18,9 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.plain_reads import open_plain, read_plain_text
 
-FIELD: Final = "Field.txt"
-BOUNDARY: Final = "Boundary.txt"
-ELEVATION: Final = "Elevation.txt"
+FIELD_FILE: Final = "Field.txt"
+BOUNDARY_FILE: Final = "Boundary.txt"
+ELEVATION_FILE: Final = "Elevation.txt"
 PARTS: Final = (b"$FieldDir", b"$Boundary", b"$RecPath", b"$Contour")
 """Begin the files, those of the first kind behind a line with the date."""
 _MAX_FIELD_BYTES: Final = 1 << 26
@@ -29,7 +29,7 @@ _FLAGS: Final = ("true", "false")
 _FIXED: Final = 4
 """The kind of fix of NMEA's GGA."""
 _ELEVATION_HEADER: Final = "Latitude,Longitude,Elevation,"
-_HEAD_BYTES: Final = 4096
+_ELEVATION_HEAD_BYTES: Final = 4096
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Elevations:
 def is_field_folder(path: Path) -> bool:
     """Whether a folder is that of a field of AgOpenGPS."""
     try:
-        with open_plain(path / FIELD) as file:
+        with open_plain(path / FIELD_FILE) as file:
             return PARTS[0] in file.read(256)
     except OSError:
         return False
@@ -54,17 +54,17 @@ def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shape
 
     The error of `unreadable` if there is no boundary, or a file is damaged.
     """
-    lines = _lines(folder / FIELD, unreadable)
+    lines = _lines(folder / FIELD_FILE, unreadable)
     below = next((k + 1 for k, line in enumerate(lines) if line.startswith("StartFix")), len(lines))
     try:
         lat_deg, lon_deg = (float(word) for word in lines[below].split(",")[:2])
     except (IndexError, ValueError):
-        raise unreadable(f"{FIELD} has no origin (StartFix)") from None
+        raise unreadable(f"{FIELD_FILE} has no origin (StartFix)") from None
     if not (abs(lat_deg) < 90.0 and abs(lon_deg) <= 180.0):
-        raise unreadable(f"{FIELD} has the origin {lat_deg:g}, {lon_deg:g}")
-    rings = _rings(_lines(folder / BOUNDARY, unreadable), unreadable)
+        raise unreadable(f"{FIELD_FILE} has the origin {lat_deg:g}, {lon_deg:g}")
+    rings = _rings(_lines(folder / BOUNDARY_FILE, unreadable), unreadable)
     if not rings:
-        raise unreadable(f"{BOUNDARY} has no boundary")
+        raise unreadable(f"{BOUNDARY_FILE} has no boundary")
     origin = lon_deg, lat_deg
     outline, *holes = (_lon_lat(en_m, origin) for _, en_m in rings)
     kept = [hole for (through, _), hole in zip(rings[1:], holes, strict=True) if not through]
@@ -74,10 +74,10 @@ def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shape
 def elevation_file(path: Path) -> Path | None:
     """The file of heights that a path is, or that a field folder has; None of any other path."""
     if path.is_dir():
-        return path / ELEVATION if is_field_folder(path) else None
+        return path / ELEVATION_FILE if is_field_folder(path) else None
     try:
         with open_plain(path) as file:
-            head = file.read(_HEAD_BYTES)
+            head = file.read(_ELEVATION_HEAD_BYTES)
     except OSError:
         return None
     return path if PARTS[0] in head and _ELEVATION_HEADER.encode() in head else None
@@ -147,9 +147,9 @@ def _rings(lines: list[str], unreadable: Callable[[str], InputError]) -> list[tu
             rows = [line.split(",")[:2] for line in lines[k + 1 : k + 1 + count]]
             en_m = np.array(rows, np.float64).reshape(-1, 2)
         except (IndexError, ValueError):
-            raise unreadable(f"{BOUNDARY} is damaged at {lines[min(k, len(lines) - 1)][:40]!r}") from None
+            raise unreadable(f"{BOUNDARY_FILE} is damaged at {lines[min(k, len(lines) - 1)][:40]!r}") from None
         if len(en_m) != count or not (np.abs(en_m) < _MAX_FROM_ORIGIN_M).all():
-            raise unreadable(f"{BOUNDARY} has {len(en_m)} corners of {count}, or corners far from the origin")
+            raise unreadable(f"{BOUNDARY_FILE} has {len(en_m)} corners of {count}, or corners far from the origin")
         if count > 2:
             rings.append((through, en_m))
         k += 1 + count

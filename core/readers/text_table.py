@@ -65,7 +65,7 @@ def unpacked_layer(path: Path, folder: Path) -> Path:
 MAX_SHEET_BYTES: Final = 20_000_000
 _SHEET_PARTS: Final = frozenset({"xl/workbook.xml", "xl/workbook.bin", "content.xml"})
 """One of them is in every archive that is a spreadsheet."""
-_HEAD_BYTES: Final = 4096
+_TABLE_HEAD_BYTES: Final = 4096
 _MOST_TEXT_BYTES: Final = 100_000_000
 _MOST_SHEET_TEXT: Final = 1 << 26
 """Bytes of the cells, as JSON."""
@@ -124,7 +124,7 @@ def number_or_text(text: str) -> float | str | None:
 def column_names(path: Path) -> list[str]:
     """The names of the columns of a table in a text file, as of :class:`TextTable`; none of what is no text."""
     with Source(path) as source:
-        head = source.read(_HEAD_BYTES)
+        head = source.read(_TABLE_HEAD_BYTES)
     if b"\0" in head or head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"<", b"["):
         return []
     return [_plain_name(name) for name in header_of(head.split(b"\n")).names]

@@ -373,7 +373,7 @@ class _Batch:
                 Notice("batch-no-session", without=len(without), shown=shown, is_without=len(without) > 3)
             )
         if boundaries:
-            plan.notices += notices_of_fields(Path(boundaries))
+            plan.notices.extend(notices_of_fields(Path(boundaries)))
         usable = [source for source in sources if machine or not source.made]
         if not usable:
             raise InputError("batch-nothing", without_count=len(without) if without else None)

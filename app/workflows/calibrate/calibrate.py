@@ -13,6 +13,7 @@ from furrowmap.core.adjustment.strip_adjustment import calibrate_flight
 from furrowmap.core.adjustment.strips import strip_returns
 from furrowmap.core.pipeline.pipeline import companions
 from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import using_threads
 from furrowmap.core.session.machine import LearnedMounting, learned, load_machine
@@ -96,7 +97,7 @@ def calibrate(
 
 def write_calibration(session_file: Path, calibration: Calibration) -> None:
     """Write what differs from a session into its file; its other lines and comments stay."""
-    text = calibrated_text(session_file.read_bytes().decode("utf-8"), calibration)
+    text = calibrated_text(read_plain_bytes(session_file).decode("utf-8"), calibration)
     with atomic_output(session_file) as unfinished:
         unfinished.write_bytes(text.encode("utf-8"))
 

@@ -34,13 +34,10 @@ from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.pointclouds.spooled_clouds import spool_clouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod
-from furrowmap.core.readers.las.cloud import Box, Survey
-from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.readers.las.tables import POINT_SIGNATURES
+from furrowmap.core.readers.las.cloud import Box, Survey, is_cloud
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
-from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.surfaces.grid import Grid
@@ -332,7 +329,7 @@ def expect_soil(path: Path | None, target: CRS, box_m: Box) -> None:
     """Open a soil survey before long work, and close it; the errors are those of :func:`soil_source`."""
     if path is None:
         return
-    if _is_cloud(path):
+    if is_cloud(path):
         open_clouds([path], target, target)
         return
     with open_soil_raster(path, target, box_m):
@@ -351,7 +348,7 @@ def soil_source(
     path = soil_file(source)
     if path is None:
         yield next(method for method in SOIL_METHODS if method == source)
-    elif _is_cloud(path):
+    elif is_cloud(path):
         with tempfile.TemporaryDirectory(prefix="soil-", dir=folder) as made:
             raster = _grid_cloud(open_clouds([path], target, target), Path(made), box_m, progress)
             with open_soil_raster(raster, target, box_m) as opened:
@@ -359,11 +356,6 @@ def soil_source(
     else:
         with open_soil_raster(path, target, box_m) as opened:
             yield opened
-
-
-def _is_cloud(path: Path) -> bool:
-    with open_plain(path) as file:
-        return file.read(16).startswith((SIGNATURE, *POINT_SIGNATURES))
 
 
 def _grid_cloud(clouds: Clouds, folder: Path, box_m: Box, progress: Progress) -> Path:

@@ -17,6 +17,7 @@ from furrowmap.core.readers.las.decoder import DECODER, Decoder
 from furrowmap.core.readers.las.e57 import read_e57
 from furrowmap.core.readers.las.header import (
     LEAST_RECORD_BYTES,
+    SIGNATURE,
     ExtraDimension,
     LasHeader,
     LasRecord,
@@ -33,10 +34,17 @@ from furrowmap.core.readers.las.laz import (
     stream_points,
 )
 from furrowmap.core.readers.las.points import TIME_SAMPLE, CloudBatch, TimeKind, clock_of, layout, unpack
-from furrowmap.core.readers.las.tables import E57_SIGNATURE, TABLE_HEADER_BYTES, PointTable, read_table
+from furrowmap.core.readers.las.tables import (
+    E57_SIGNATURE,
+    POINT_SIGNATURES,
+    TABLE_HEADER_BYTES,
+    PointTable,
+    read_table,
+)
 from furrowmap.core.readers.vertical_keys import heights_by_keys, heights_differ, tells_more, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.crs import crs_of_file
 from furrowmap.core.values.extents import bounds
@@ -528,6 +536,12 @@ def _open_table(path: Path, table: PointTable, size_bytes: int) -> TableCloud:
         notices += (Notice("points-without-place", path=path.name, points=points, without=points - found.points),)
     low, high = (tuple(ends.tolist()) for ends in (found.low, found.high))
     return replace(cloud, header=replace(header, low=low, high=high), notices=notices)
+
+
+def is_cloud(path: Path) -> bool:
+    """Whether a file begins as a point cloud that :func:`open_cloud` reads. Raises OSError if it cannot be opened."""
+    with open_plain(path) as file:
+        return file.read(16).startswith((SIGNATURE, *POINT_SIGNATURES))
 
 
 def open_cloud(path: Path) -> CloudFile:
