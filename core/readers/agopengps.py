@@ -18,7 +18,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.plain_reads import open_plain, read_plain_text
 
-FIELD_FILE: Final = "Field.txt"
+ORIGIN_FILE: Final = "Field.txt"
 BOUNDARY_FILE: Final = "Boundary.txt"
 ELEVATION_FILE: Final = "Elevation.txt"
 PARTS: Final = (b"$FieldDir", b"$Boundary", b"$RecPath", b"$Contour")
@@ -43,7 +43,7 @@ class Elevations:
 def is_field_folder(path: Path) -> bool:
     """Whether a folder is that of a field of AgOpenGPS."""
     try:
-        with open_plain(path / FIELD_FILE) as file:
+        with open_plain(path / ORIGIN_FILE) as file:
             return PARTS[0] in file.read(256)
     except OSError:
         return False
@@ -54,14 +54,14 @@ def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shape
 
     The error of `unreadable` if there is no boundary, or a file is damaged.
     """
-    lines = _lines(folder / FIELD_FILE, unreadable)
+    lines = _lines(folder / ORIGIN_FILE, unreadable)
     below = next((k + 1 for k, line in enumerate(lines) if line.startswith("StartFix")), len(lines))
     try:
         lat_deg, lon_deg = (float(word) for word in lines[below].split(",")[:2])
     except (IndexError, ValueError):
-        raise unreadable(f"{FIELD_FILE} has no origin (StartFix)") from None
+        raise unreadable(f"{ORIGIN_FILE} has no origin (StartFix)") from None
     if not (abs(lat_deg) < 90.0 and abs(lon_deg) <= 180.0):
-        raise unreadable(f"{FIELD_FILE} has the origin {lat_deg:g}, {lon_deg:g}")
+        raise unreadable(f"{ORIGIN_FILE} has the origin {lat_deg:g}, {lon_deg:g}")
     rings = _rings(_lines(folder / BOUNDARY_FILE, unreadable), unreadable)
     if not rings:
         raise unreadable(f"{BOUNDARY_FILE} has no boundary")

@@ -94,4 +94,4 @@ def written(path: Path, cells: Cells, way: str) -> Path:
     return path
 
 
-ALL = (*WAYS, "symbolic link")
+PROPERTIES = (*WAYS, "symbolic link")

@@ -1,0 +1,94 @@
+"""Logs of positions in text, written in the ways of others, in every place that takes them: the same positions."""
+
+from __future__ import annotations
+
+import codecs
+import gzip
+import lzma
+from collections.abc import Callable, Mapping
+from functools import reduce
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from furrowmap.core.readers.reader import GivesTrack, ReadOptions, Recognised, open_recording
+from furrowmap.core.runtime.arrays import FloatArray
+from tests.inputs.texts import zstd
+
+EPOCHS = 20
+LAT_DEG = 52.0 + 1e-6 * np.arange(EPOCHS)
+
+
+def sentence(body: str) -> str:
+    return f"${body}*{reduce(lambda a, b: a ^ b, body.encode()):02X}\n"
+
+
+def nmea() -> str:
+    lines = ""
+    for k, lat in enumerate(LAT_DEG.tolist()):
+        minutes = f"52{60 * (lat - 52.0):010.7f},N,01000.0000000,E"
+        lines += sentence(f"GNZDA,0900{k:02d}.00,12,05,2026,00,00")
+        lines += sentence(f"GNGGA,0900{k:02d}.00,{minutes},4,12,0.6,55.0,M,45.0,M,1.0,0001")
+    return lines
+
+
+def pos() -> str:
+    head = "%  GPST  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  age(s)  ratio\n"
+    return head + "".join(
+        f"2026/05/12 09:00:{k:02d}.000 {lat:.9f} 10.000000000 100.0000 1 9 0.01 0.01 0.02 0.00 0.00 0.00 0.50 9.9\n"
+        for k, lat in enumerate(LAT_DEG.tolist())
+    )
+
+
+FORMATS: Mapping[str, Callable[[], str]] = {"NMEA 0183": nmea, "RTKLIB's .pos": pos}
+WAYS: Mapping[str, Callable[[str], bytes]] = {
+    "newlines": lambda text: text.encode(),
+    "carriage returns": lambda text: text.replace("\n", "\r\n").encode(),
+    "a byte order mark": lambda text: codecs.BOM_UTF8 + text.encode(),
+    "UTF-16, little-endian": lambda text: codecs.BOM_UTF16_LE + text.encode("utf-16-le"),
+    "UTF-16, big-endian": lambda text: codecs.BOM_UTF16_BE + text.encode("utf-16-be"),
+    "UTF-16 without a byte order mark": lambda text: text.encode("utf-16-le"),
+    "gzip": lambda text: gzip.compress(text.encode()),
+    "gzip of several members": lambda text: gzip.compress(text[:400].encode()) + gzip.compress(text[400:].encode()),
+    "Zstandard": lambda text: zstd.compress(text.encode()),
+    "xz": lambda text: lzma.compress(text.encode()),
+    "empty lines": lambda text: text.replace("\n", "\n\n").encode(),
+    "the first bytes lost": lambda text: (text[3:] if text.startswith("$") else text).encode(),
+}
+ALL = (*(f"{form}: {way}" for form in FORMATS for way in WAYS), *(f"{form}: a symbolic link" for form in FORMATS))
+
+
+def log(folder: Path, stated: str) -> Path:
+    form, way = stated.split(": ")
+    path = folder / "log"
+    if way == "a symbolic link":
+        (folder / "target").write_text(FORMATS[form](), newline="")
+        path.symlink_to("target")
+    else:
+        path.write_bytes(WAYS[way](FORMATS[form]()))
+    return path
+
+
+def by_session(path: Path) -> FloatArray:
+    reader = open_recording([path], ReadOptions())
+    assert isinstance(reader, GivesTrack)
+    return reader.track().lat_deg
+
+
+def by_inspect(path: Path) -> FloatArray:
+    facts: dict[str, Any] = Recognised.by_content(path).inspect().facts
+    assert facts["epochs"] == EPOCHS
+    return LAT_DEG
+
+
+PLACES: Mapping[str, Callable[[Path], FloatArray]] = {"[recording] gnss": by_session, "inspect, init": by_inspect}
+PROPERTIES = ALL
+REFUSED: tuple[str, ...] = ()
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("stated", ALL)
+def test_positions__do_not_depend_on_how_a_log_is_written(stated: str, place: str, tmp_path: Path) -> None:
+    np.testing.assert_allclose(PLACES[place](log(tmp_path, stated)), LAT_DEG, rtol=0, atol=1e-9)
