@@ -15,6 +15,7 @@ import pytest
 
 from furrowmap.core.readers.reader import GivesTrack, ReadOptions, Recognised, open_recording
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.workflows.gnss.evaluate import evaluate_gnss
 from tests.inputs.texts import zstd
 
 EPOCHS = 20
@@ -83,7 +84,21 @@ def by_inspect(path: Path) -> FloatArray:
     return LAT_DEG
 
 
-PLACES: Mapping[str, Callable[[Path], FloatArray]] = {"[recording] gnss": by_session, "inspect, init": by_inspect}
+def by_evaluate(path: Path) -> FloatArray:
+    """Held against the plain log, and the plain log against it."""
+    plain = path.with_name("plain")
+    plain.write_text(nmea() if Recognised.by_content(path).reader.format == "nmea" else pos())
+    there = evaluate_gnss({"log": path}, plain)["log"]
+    back = evaluate_gnss({"log": plain}, path)["log"]
+    assert len(there.fix) == len(back.fix) == EPOCHS
+    return there.lat_deg
+
+
+PLACES: Mapping[str, Callable[[Path], FloatArray]] = {
+    "[recording] gnss": by_session,
+    "inspect, init": by_inspect,
+    "gnss evaluate": by_evaluate,
+}
 PROPERTIES = ALL
 REFUSED: tuple[str, ...] = ()
 
