@@ -1,8 +1,12 @@
 """Writes products in processes of its own that end as if they were killed: a line of JSON each on standard input.
 
-A process ends without a word before its n-th operation that changes files, as far as Python knows of them, or after so
-many seconds, which falls into the work of libraries as well. Or none of its files can be larger than so many bytes.
-A task may also be the arguments of a command, with variables of the environment. Everything is imported once.
+A process ends without a word before the n-th operation that changes files, of itself or of its workers and as far as
+Python knows of them, or after so many seconds, which falls into the work of libraries as well. Or none of its files can
+be larger than so many bytes. Or it is stopped before operations and after times, and the files are copied as a kill
+would leave them. A task may also be the arguments of a command, with variables of the environment.
+
+Each process is forked from this one, which has imported everything and loads kernels where many tasks follow; workers
+of a batch are forked as well. So a kill costs what the writer does until then, and no start of Python.
 """
 
 from __future__ import annotations
@@ -10,18 +14,25 @@ from __future__ import annotations
 import importlib
 import io
 import json
+import mmap
+import multiprocessing.context
 import os
 import resource
+import shutil
 import signal
+import struct
 import sys
 import tempfile
+import time
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
 from furrowmap.cli.main import _in_three_lines, command_line
+from furrowmap.core.pipeline.live import warm_up
 from furrowmap.core.runtime.errors import FurrowmapError
 from tests.app.writers import WRITERS
+from tests.fuzz_sessions.trials import load
 
 CHANGES = {"os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.truncate", "os.link", "os.symlink"}
 
@@ -39,7 +50,7 @@ MAX_COMMAND_S = 300
 def command(task: dict[str, Any]) -> dict[str, Any]:
     """Run a command; its exit status and what it writes to standard error."""
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.alarm(MAX_COMMAND_S)
+    signal.setitimer(signal.ITIMER_REAL, task.get("seconds", MAX_COMMAND_S))
     os.environ |= task.get("environment", {})
     os.chdir(task["folder"])
     tempfile.tempdir = None
@@ -53,14 +64,24 @@ def command(task: dict[str, Any]) -> dict[str, Any]:
 
 def mortal(task: dict[str, Any]) -> int:
     """Do a task; the number of operations that changed files."""
-    done = 0
+    if task.get("pauses"):
+        stopped_at_times(task)
+    done = mmap.mmap(-1, 8)  # of this process and its workers
+    own = os.getpid()
+    copied = frozenset(task.get("operations", ()))
+    copying = False
 
     def count(event: str, arguments: tuple[Any, ...]) -> None:
-        nonlocal done
-        if change_files(event, arguments):
-            done += 1
-            if done == task.get("operation"):
-                os.kill(os.getpid(), signal.SIGKILL)
+        nonlocal copying
+        if change_files(event, arguments) and not copying:
+            operations = struct.unpack("q", done[:])[0] + 1
+            done[:] = struct.pack("q", operations)
+            if operations == task.get("operation"):
+                os.kill(own, signal.SIGKILL)
+            if operations in copied:
+                copying = True
+                copy_state(task, f"operation {operations}")
+                copying = False
 
     sys.addaudithook(count)
     if task.get("seconds"):
@@ -71,7 +92,42 @@ def mortal(task: dict[str, Any]) -> int:
     if task.get("bytes"):  # as on a full disk; Python ignores the signal
         resource.setrlimit(resource.RLIMIT_FSIZE, (task["bytes"], task["bytes"]))
     WRITERS[task["deed"]].write(begun(task), Path(task["target"]))
-    return done
+    return int(struct.unpack("q", done[:])[0])
+
+
+def copy_state(task: dict[str, Any], name: str) -> None:
+    """Copy the files as they are now."""
+    shutil.copytree(Path(task["target"]).parent, Path(task["states"]) / name, symlinks=True)
+
+
+def stopped_at_times(task: dict[str, Any]) -> None:
+    """Let a child of this process go on with the task; stop it, and its workers, after times to copy the files."""
+    child = os.fork()
+    if child == 0:
+        return
+    for number, pause_s in enumerate(task["pauses"]):
+        time.sleep(pause_s)
+        os.kill(child, signal.SIGSTOP)
+        _, status = os.waitpid(child, os.WUNTRACED)
+        if not os.WIFSTOPPED(status):
+            os._exit(0)
+        workers = [int(word) for word in Path(f"/proc/{child}/task/{child}/children").read_text().split()]
+        try:
+            for worker in workers:
+                os.kill(worker, signal.SIGSTOP)
+                while _runs(worker):
+                    time.sleep(0.001)
+            copy_state(task, f"pause {number}")
+        finally:
+            for process in (*workers, child):
+                os.kill(process, signal.SIGCONT)
+    os.waitpid(child, 0)
+    os._exit(0)
+
+
+def _runs(process: int) -> bool:
+    """Whether a process is neither stopped nor ended."""
+    return Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2][0] not in "TZ"
 
 
 def begun(task: dict[str, Any]) -> Path:
@@ -81,7 +137,17 @@ def begun(task: dict[str, Any]) -> Path:
     return source
 
 
+def fork_workers() -> None:
+    """Let workers be forked that would be started anew, which takes seconds."""
+    contexts = multiprocessing.context._concrete_contexts
+    contexts["spawn"] = contexts["fork"]
+
+
 if __name__ == "__main__":
+    fork_workers()
+    if os.environ.get("KILLS"):
+        load()
+        warm_up()
     for line in sys.stdin:
         if "deed" in json.loads(line):
             begun(json.loads(line))

@@ -1,6 +1,7 @@
 """Killed at any moment, or on a full disk, every writer leaves the old products or the new ones.
 
-A few kills of some writers are a part of every test; `make kills KILLS=200` makes as many of each.
+Some writers are a part of every test. `make kills KILLS=200` looks at so many states of each as a kill would leave, and
+makes a tenth as many kills.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class Mortal:
             env={**os.environ, "OGR_CURRENT_DATE": "2026-06-11T00:00:00Z"},
         )
 
-    def does(self, deed: str, source: Path, target: Path, **end: float | str) -> dict[str, Any]:
+    def does(self, deed: str, source: Path, target: Path, **end: object) -> dict[str, Any]:
         """Its exit status, negative where it was killed, and the operations it made that change files, or its error."""
         return self._answer({"deed": deed, "source": str(source), "target": str(target), **end})
 
@@ -141,7 +142,7 @@ def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 def test_promise_20__killed_writer_leaves_the_old_products_or_the_new_ones(scene: Scene, program: Mortal) -> None:
     chance = random.Random(5)
     seen: list[bool] = []
-    wanted = KILLS or 4
+    wanted = KILLS // 10 or 4
     for number in range(3 * wanted):
         if len(seen) == wanted:
             break
@@ -149,7 +150,7 @@ def test_promise_20__killed_writer_leaves_the_old_products_or_the_new_ones(scene
         if number % 2 == 0:
             # The last operations put the products in their places.
             first = scene.operations - 30 if chance.random() < 0.7 else 1
-            end: dict[str, float] = {"operation": chance.randint(max(1, first), scene.operations)}
+            end: dict[str, object] = {"operation": chance.randint(max(1, first), scene.operations)}
         else:
             end = {"seconds": chance.uniform(0.01, scene.seconds)}
         ended = program.does(scene.deed, scene.new, scene.target, **end)["status"]
@@ -162,6 +163,38 @@ def test_promise_20__killed_writer_leaves_the_old_products_or_the_new_ones(scene
     assert scene.found() == scene.contents[1]
     assert not scene.left()
     sys.stderr.write(f"{scene.deed}: {len(seen)} kills, {sum(seen)} left the new products\n")
+
+
+def test_promise_20__files_as_a_kill_would_leave_them_are_the_old_products_or_the_new_ones(
+    scene: Scene, program: Mortal
+) -> None:
+    """Of a writer that is stopped many times on its way, which shows as many states as kills that each begin anew."""
+    chance = random.Random(6)
+    states = scene.kept.with_name("states")
+    seen: list[bool] = []
+    wanted = KILLS or 10
+    while len(seen) < wanted:
+        scene.restore()
+        states.mkdir()
+        latest = scene.operations - 30  # from which on products are put in their places
+        early = chance.sample(range(1, max(latest, 1) + 1), k=min(max(latest, 1), 10))
+        operations = sorted({*early, *range(max(latest, 1), scene.operations + 1)})
+        pauses = [chance.uniform(0.0, 0.1 * scene.seconds) for _ in range(20)]
+        said = program.does(
+            scene.deed, scene.new, scene.target, states=str(states), operations=operations, pauses=pauses
+        )
+        assert said.get("operations"), said
+        for state in sorted(states.iterdir())[: wanted - len(seen)]:
+            shutil.rmtree(scene.target.parent)
+            state.rename(scene.target.parent)
+            found = scene.found()
+            assert found in scene.contents, state.name
+            seen.append(found == scene.contents[1])
+        assert "operations" in program.does(scene.deed, scene.new, scene.target)
+        assert scene.found() == scene.contents[1]
+        assert not scene.left()
+        shutil.rmtree(states)
+    sys.stderr.write(f"{scene.deed}: {len(seen)} states, {sum(seen)} with the new products\n")
 
 
 def test_promise_19__full_disk_leaves_the_old_products_and_an_error_in_three_lines(

@@ -1,0 +1,95 @@
+"""A live session killed at any moment leaves the recording as it was and a log of whole lines, and the next begins."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from threading import Event
+from typing import Any
+
+import msgspec
+import pytest
+
+import furrowmap
+from furrowmap.core.pipeline.live_difference import LIVE_LOG, LOGGED
+from furrowmap.core.simulator.scenario import demo_scenario
+from furrowmap.core.simulator.simulate import simulate
+from tests.app.test_killed import KILLS, Mortal
+
+LONGEST_S = 6.0
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
+
+
+@pytest.fixture(scope="module")
+def program() -> Iterator[Mortal]:
+    program = Mortal()
+    yield program
+    program.close()
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder as the recorder leaves it; it is from tomorrow, as what is late is not shown."""
+    scenario = demo_scenario()
+    drive = msgspec.structs.replace(scenario.drive, pass_m=(10.0,), passes=1)
+    tomorrow = dt.datetime.now(dt.UTC) + dt.timedelta(days=1)
+    made = simulate(
+        msgspec.structs.replace(scenario, t0=tomorrow.isoformat(), drive=drive), tmp_path_factory.mktemp("live") / "day"
+    )
+    folder = made.session.parent
+    text = made.session.read_text(encoding="utf-8")
+    for name, recorded in (("recording.pcap", "lidar-192.168.1.201-0001.pcap"), ("gnss.nmea", "gnss-0001.log")):
+        assert name in text
+        text = text.replace(name, recorded)
+        (folder / name).rename(folder / recorded)
+    made.session.write_text(text, encoding="utf-8")
+    return folder
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.name[0] != "."}
+
+
+def logged(folder: Path) -> list[dict[str, Any]]:
+    """The lines that are whole."""
+    *lines, _ = (folder / LIVE_LOG).read_text(encoding="utf-8").split("\n")
+    return [json.loads(line) for line in lines]
+
+
+def test_promise_20__killed_live_session_changes_nothing_else_and_leaves_whole_lines(
+    recording: Path, program: Mortal
+) -> None:
+    chance = Random(5)
+    (recording / LIVE_LOG).write_text('{"crs":"of an earlier session"}\n', encoding="utf-8")
+    before = files(recording)
+    line = ["live", str(recording), "--host", "127.0.0.1", "--port", "0", "--nmea-port", "0"]
+    lines: list[int] = []
+    for _ in range(KILLS or 3):
+        said = program.runs(line, recording, seconds=chance.uniform(0.01, LONGEST_S))
+        assert said["status"] == -signal.SIGALRM, said
+        after = files(recording)
+        assert after.keys() == before.keys()
+        assert all(after[name] == content for name, content in before.items() if name != LIVE_LOG)
+        head, *rows = logged(recording)
+        assert set(head) == {"crs"}
+        assert all(set(row) == set(LOGGED) for row in rows)
+        lines.append(len(rows))
+    stop, posed = Event(), 0
+
+    def hear(scan: dict[str, Any]) -> None:
+        nonlocal posed
+        posed += "e_m" in scan
+        if posed > 5:
+            stop.set()
+
+    furrowmap.live(recording, port=None, nmea_port=None, stop=stop, on_scan=hear)
+    head, *rows = logged(recording)
+    assert head["crs"].startswith("EPSG:")
+    assert rows
+    assert not [path for path in recording.iterdir() if path.name.startswith(".")]
+    sys.stderr.write(f"live: {len(lines)} kills, up to {max(lines)} lines\n")
