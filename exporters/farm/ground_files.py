@@ -8,6 +8,7 @@ from typing import Any, Final
 from pyproj import CRS
 
 from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.file_names import leads_out, resolved
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs import crs_of_file
@@ -50,7 +51,7 @@ def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> str | None:
     found: list[tuple[SurfaceFile, Grid]] = []
     for folder in folders:
         try:
-            file = surface_file(folder / DSM) if (folder / DSM).is_file() else None
+            file = surface_file(folder / DSM) if _is_own(folder / DSM) else None
         except FurrowmapError:  # damaged since: `furrowmap mosaic` reports it
             continue
         if file is not None and file.grid is not None and same_map(file.crs, crs):
@@ -61,14 +62,19 @@ def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> str | None:
     sources = [(file.path, grid, file.nodata) for file, grid in found]
     last, whole = found[-1][0], enclosing([grid for _, grid in found])
     origin = Origin("Surfaces of the farm map's sessions, the latest on top")
-    return virtual_raster(path.resolve().parent, whole, last.crs, last.bands[:1], sources, origin)
+    return virtual_raster(resolved(path).parent, whole, last.crs, last.bands[:1], sources, origin)
+
+
+def _is_own(path: Path) -> bool:
+    """Whether it is a file, and no link that leads out of its folder."""
+    return path.is_file() and not leads_out(path, path.parent)
 
 
 def _clouds(path: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS) -> str | None:
     features = []
     for folder, report in results:
         cloud = folder / CLOUD
-        if not cloud.is_file() or not same_map(crs_of_file(report["session"]["crs"]["map"]), crs):
+        if not _is_own(cloud) or not same_map(crs_of_file(report["session"]["crs"]["map"]), crs):
             continue
         item = run_item(report)
         (west, south, low), (east, north, high) = report["figures"]["bounds_m"]

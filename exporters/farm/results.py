@@ -20,8 +20,8 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.readers.ogr_layers import layer_info, list_layers
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.file_names import leads_out
-from furrowmap.core.runtime.plain_reads import read_plain_bytes
+from furrowmap.core.runtime.file_names import leads_out, resolved
+from furrowmap.core.runtime.plain_reads import open_plain, read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.result_folder import (
@@ -109,19 +109,16 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
         crs = crs_of_file(layer_info(path, TRAJECTORY)["crs"])
         name = str(result.report["session"]["name"])
         recordings = sorted([record["name"], record["sha256"]] for record in result.report["inputs"])
-        digest = hashlib.sha256((folder / REPORT).read_bytes())
-        with path.open("rb") as file:
-            digest.update(hashlib.file_digest(file, "sha256").digest())
         return session_result(
             layers,
             {
                 "session": short_hash([name, recordings]),
                 "recordings": short_hash(recordings),
-                "digest": digest.hexdigest(),
+                "digest": products_digest(folder),
             },
             name,
             crs,
-            folder.resolve(),
+            resolved(folder),
             zone or zone_of(result.report, layers[TRAJECTORY].shapes[0], crs),
             _facts(result),
             {
@@ -132,6 +129,16 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
                 else None,
             },
         )
+
+
+def products_digest(place: Path) -> str:
+    """The hash of what a farm map was made from: a result folder, or the file of `furrowmap fields`. Raises OSError."""
+    if not place.is_dir():
+        return hashlib.sha256(read_plain_bytes(place)).hexdigest()
+    digest = hashlib.sha256(read_plain_bytes(place / REPORT))
+    with open_plain(place / FIELD) as file:
+        digest.update(hashlib.file_digest(file, "sha256").digest())
+    return digest.hexdigest()
 
 
 def session_result(
@@ -215,7 +222,7 @@ def _facts(result: ResultFolder) -> dict[str, Any]:
         "crs": session["crs"]["map"] or figures.get("crs"),
         "heights": session["crs"]["heights"],
         "coordinates": session["crs"]["coordinates"],
-        "folder": result.folder.resolve().as_posix(),
+        "folder": resolved(result.folder).as_posix(),
     }
 
 
@@ -263,11 +270,11 @@ def read_tasks(path: Path, zone: ZoneInfo | None = None) -> list[SessionResult]:
         if not all("task" in layer.columns for layer in layers.values()):
             raise _no_tasks(path, "was not written by `furrowmap fields`")
         crs = crs_of_file(layer_info(path, TRAJECTORY)["crs"])
-        figures, digest = layers.pop(FIELDS_LAYER), hashlib.sha256(read_plain_bytes(path)).hexdigest()
+        figures, digest = layers.pop(FIELDS_LAYER), products_digest(path)
         results = []
         for task in figures.rows():
             own = {name: _features_of(layer, "task", str(task["task"]), "field") for name, layer in layers.items()}
-            results.append(_task_result(path.resolve(), task, own, crs, digest, zone))
+            results.append(_task_result(resolved(path), task, own, crs, digest, zone))
         return results
 
 

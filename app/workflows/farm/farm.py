@@ -38,6 +38,7 @@ from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, SessionResult
 from furrowmap.exporters.files.qgis_project import ProjectLayer
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.field_layers import concatenate_layers
+from furrowmap.workflows.farm.folders import foreign_notices, named_folders
 
 if TYPE_CHECKING:
     from furrowmap.exporters.farm.postgis import PostgisEdit
@@ -168,10 +169,12 @@ def remove_from_farm_map(
         removed = tuple(dict.fromkeys(_match(word, known, edit.name()).session for word in wanted))
         edit.remove(removed)
         update_memory(edit)
-        _update_project(edit)
+        notices = _update_project(edit)
         crs = edit.crs()
         left = len(known) - len(removed)
-        return FarmMapChange(edit.name(), name_of(crs) if crs else None, removed=removed, sessions=left)
+        return FarmMapChange(
+            edit.name(), name_of(crs) if crs else None, removed=removed, sessions=left, notices=notices
+        )
 
 
 def farm_map_sessions(
@@ -288,22 +291,26 @@ def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:
     for name in drawing_order(list(kinds)):
         provider, source = edit.source(name, kinds[name])
         layers.append(ProjectLayer(name, kinds[name], source, provider, own.get(name), layer_title(name)))
-    layers += _ground_layers(edit, sessions, crs)
+    ground, foreign = _ground_layers(edit, sessions, crs)
+    layers += ground
     layers.append(background_layer(crs, edit.bounds()))
     now = dt.datetime.now(dt.UTC)
     start, end = (min((s.start for s in sessions), default=now), max((s.end for s in sessions), default=now))
     edit.store_project(project_archive(layers, crs, edit.bounds(), (start, end)))
-    return notices
+    return (*notices, *foreign)
 
 
-def _ground_layers(edit: FarmEdit, sessions: Sequence[KnownSession], crs: CRS) -> list[ProjectLayer]:
+def _ground_layers(
+    edit: FarmEdit, sessions: Sequence[KnownSession], crs: CRS
+) -> tuple[list[ProjectLayer], tuple[Notice, ...]]:
     """The surfaces and clouds of all sessions, in files beside a GeoPackage; none for a database."""
     path = edit.file()
     if path is None:
-        return []
+        return [], ()
+    named = named_folders(path, sessions)
     stored = edit.read(PROVENANCE, ("session", "report"))
     reports = dict(zip(stored.columns["session"], map(report_of, stored.columns["report"]), strict=True))
-    results = [(Path(s.folder), reports[s.session]) for s in sessions if reports.get(s.session)]
+    results = [(folder, reports[s.session]) for s, folder in named.results if reports.get(s.session)]
     surface, clouds = write_ground_files(path, results, crs)
     language = language_of_user()
     layers = []
@@ -320,7 +327,7 @@ def _ground_layers(edit: FarmEdit, sessions: Sequence[KnownSession], crs: CRS) -
                 SURFACE, RASTER, f"./{surface.name}", "gdal", style, translated("Surface, the latest on top", language)
             )
         )
-    return layers
+    return layers, foreign_notices(named.foreign)
 
 
 def _match(word: str, known: Sequence[KnownSession], farm_map: str) -> KnownSession:

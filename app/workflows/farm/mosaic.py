@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.file_names import leads_out, resolved
 from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.farm.mosaic import SUFFIXES, Mosaic, write_mosaic
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.settings import MosaicSettings
 from furrowmap.workflows.farm.farm import DATABASES, DB_SCHEMA, farm_map_sessions
+from furrowmap.workflows.farm.folders import foreign_notices, named_folders
 
 _PRODUCT: Final = re.compile(r"\w[\w-]*")
 
@@ -57,22 +60,27 @@ def find_surfaces(
     if not _PRODUCT.fullmatch(product):
         raise UsageError("usage.find-surfaces", product=product)
     folders: dict[Path, dt.datetime] = {}
+    foreign: list[KnownSession] = []
     for source in sources:
         if str(source).startswith(DATABASES) or not Path(source).is_dir():
             _, _, sessions = farm_map_sessions(source, schema=schema, progress=progress)
-            folders |= {Path(session.folder): session.end for session in sessions}
+            named = named_folders(None if str(source).startswith(DATABASES) else Path(source), sessions)
+            folders |= {folder: session.end for session, folder in named.results}
+            foreign += named.foreign
         else:
             end = open_result(Path(source)).report["figures"]["end"]
-            folders[Path(source).resolve()] = dt.datetime.fromisoformat(end)
+            folders[resolved(Path(source))] = dt.datetime.fromisoformat(end)
     paths = [folder / f"{product}.tif" for folder, _ in sorted(folders.items(), key=lambda item: (item[1], item[0]))]
-    found = [path for path in paths if path.is_file()]
+    found = [path for path in paths if path.is_file() and not leads_out(path, path.parent)]
     missing = [path for path in paths if path not in found]
+    if not found and foreign:
+        raise InputError("no-surfaces.foreign", foreign=len(foreign), folder=foreign[0].folder)
     if not found:
         raise InputError(
             "no-surfaces", paths=len(paths), product=product, parent=missing[0].parent if missing else None
         )
-    if not missing:
-        return found, ()
-    return found, (
-        Notice("surfaces-missing", missing=len(missing), paths=len(paths), product=product, parent=missing[0].parent),
-    )
+    notices = foreign_notices(foreign)
+    if missing:
+        counts = {"missing": len(missing), "paths": len(paths)}
+        notices = (*notices, Notice("surfaces-missing", **counts, product=product, parent=missing[0].parent))
+    return found, notices

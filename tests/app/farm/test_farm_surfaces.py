@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -27,6 +29,38 @@ def test_surfaces__are_those_of_the_sessions_in_their_order(tmp_path: Path) -> N
     assert refused.value.code == "no-surfaces"
     with pytest.raises(UsageError):
         find_surfaces([str(tmp_path / "farm.gpkg")], "../../etc/passwd")
+
+
+def test_surfaces__of_another_folder_are_those_of_the_result_that_was_added(tmp_path: Path) -> None:
+    """A map that came from somebody else names any folder; that of a user's own results is known by its content."""
+    mine, other = write_result(tmp_path / "results" / "mine"), tmp_path / "results" / "other"
+    (tmp_path / "maps").mkdir()
+    (mine / "dsm.tif").touch()
+    farm_map = tmp_path / "maps" / "farm.gpkg"
+    assert not add_to_farm_map(str(farm_map), [mine]).notices
+    assert find_surfaces([farm_map], "dsm") == ([mine / "dsm.tif"], ())
+    write_result(other, name="Other", recording="b" * 64)
+    (other / "dsm.tif").touch()
+    below = write_result(tmp_path / "maps" / "below", name="Below", recording="c" * 64)
+    add_to_farm_map(str(farm_map), [below])
+    (below / "dsm.tif").symlink_to(other / "dsm.tif")
+    for named in (other, "//host/share/result", "\\\\host\\share", "//?/C:/results", tmp_path / "results"):
+        with closing(sqlite3.connect(farm_map)) as database, database:
+            for (trigger,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+                database.execute(f'DROP TRIGGER "{trigger}"')  # of the spatial index, which needs functions of GDAL
+            database.execute("UPDATE sessions SET folder = ? WHERE name != 'Below'", (str(named),))
+        with pytest.raises(InputError) as refused:
+            find_surfaces([farm_map], "dsm")
+        assert refused.value.code == "no-surfaces"
+        assert str(named) in refused.value.what
+    (below / "dsm.tif").unlink()
+    (below / "dsm.tif").touch()
+    paths, notices = find_surfaces([farm_map], "dsm")
+    assert paths == [below / "dsm.tif"]
+    assert [notice.code for notice in notices] == ["folders-foreign"]
+    write_result(below, name="Below", recording="c" * 64, area_m2=5.0)
+    (notice,) = (n for n in add_to_farm_map(str(farm_map), [below]).notices if n.code == "folders-foreign")
+    assert str(tmp_path / "results") in notice.text
 
 
 def test_output__has_a_known_suffix_and_replaces_nothing_unasked(tmp_path: Path) -> None:
