@@ -16,6 +16,7 @@ from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.options import Option, options_of
 from furrowmap.core.runtime.settings import ALLOWANCES, allowing, using_threads
+from furrowmap.core.runtime.write_errors import temporary_elsewhere
 from furrowmap.process import prepare_process
 
 Command = Callable[..., None]
@@ -93,7 +94,12 @@ def command(summary: str, *examples: str, group: Any = click, **facts: Any) -> C
             prepare_process()
             allowed = [what for what, given in zip(ALLOWANCES, (allow_large, allow_damaged), strict=True) if given]
             with using_threads(threads), allowing(*allowed):
-                function(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
+                console = click.get_current_context().obj or Console(as_json, quiet, verbose > 0)
+                try:
+                    function(console, **arguments)
+                finally:
+                    elsewhere = temporary_elsewhere()
+                    console.warn_all([elsewhere] if elsewhere is not None else [])
 
         own = called.__dict__.pop("__click_params__", [])  # in reverse
         for common in reversed(_common_options()):

@@ -32,6 +32,7 @@ from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, pr
 from furrowmap.core.runtime.file_names import inside
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.core.runtime.write_errors import writing
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.csv_cells import write_csv
 from furrowmap.exporters.files.provenance import Origin
@@ -236,7 +237,8 @@ def write_vectors(
     assert chosen.write_one is not None
     with staged_folder(target) as staging:
         for path, layer in zip(_layer_files(staging, list(layers), chosen.suffix), layers.values(), strict=True):
-            chosen.write_one(path, layer)
+            with writing(target / path.name):
+                chosen.write_one(path, layer)
         origin.write_beside(staging)
         names = sorted(path.name for path in staging.iterdir())
     return [target / name for name in names], chosen.notices(layers)

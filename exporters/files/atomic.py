@@ -12,8 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.runtime.write_errors import writing
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.write_errors import failed_write, write_error, writing
 from furrowmap.exporters.files.lease import is_staged
 from furrowmap.exporters.files.owner import PATTERN, Owner, machine
 from furrowmap.exporters.files.plain_files import refuse_special
@@ -27,9 +28,37 @@ _HELD_S: Final = 3.0 if sys.platform == "win32" else 0.0
 """Virus scanners and indexers hold new files for moments, in which Windows does not rename them."""
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder for products, if it does not exist. Raises InputError or WriteError if that is not possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """As :func:`make_folder`; a folder in which nothing was made, and those made above it, are removed again."""
+    created = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        make_folder(folder)
+        yield
+    finally:
+        for place in created:
+            with suppress(OSError):  # not empty
+                place.rmdir()
+
+
+def unwritable(folder: Path, error: OSError) -> FurrowmapError:
+    """The error of a folder that cannot be made or written to."""
+    if failed_write(error) is not None:
+        return write_error(folder, error)
+    return InputError("output-unwritable", folder=folder, strerror=error.strerror or error)
+
+
 @contextmanager
 def atomic_output(path: Path, *, durable: bool = True) -> Iterator[Path]:
-    """Write a file beside `path` and rename it to `path` at the end.
+    """Write a file beside `path` and rename it to `path` at the end; its folder is made if it does not exist.
 
     The file is flushed to the disk, unless it need not be `durable`, and replaces an older one in one step. If the work
     is interrupted, it is removed and `path` is unchanged. A link at `path` is replaced, what it leads to is unchanged.
@@ -41,9 +70,15 @@ def atomic_output(path: Path, *, durable: bool = True) -> Iterator[Path]:
     if `path` is a folder, pipe, socket or device; RefusedError if another program has it open, on Windows.
     """
     refuse_special(path)
-    remove_abandoned(path.parent)
+    with made_folder(path.parent):
+        remove_abandoned(path.parent)
+        with _replacing(path, flushed=durable and not is_staged(path)) as unfinished:
+            yield unfinished
+
+
+@contextmanager
+def _replacing(path: Path, *, flushed: bool) -> Iterator[Path]:
     unfinished = _free_name(path)
-    flushed = durable and not is_staged(path)
     try:
         with writing(path):
             yield unfinished
@@ -111,7 +146,7 @@ def _while_held(rename: Callable[[], object]) -> None:
 def relative_path(path: Path, start: Path) -> str | None:
     """`path` relative to the folder `start`, with slashes; None where it is on another drive of Windows."""
     try:
-        return Path(os.path.relpath(path.resolve(), start.resolve())).as_posix()
+        return Path(os.path.relpath(resolved(path), resolved(start))).as_posix()
     except ValueError:
         return None
 

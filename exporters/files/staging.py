@@ -12,7 +12,7 @@ from typing import Any, Final
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.runtime.file_names import is_relative_name
 from furrowmap.core.runtime.write_errors import failed_write, shown_path, write_error
-from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together, move, refuse_open
+from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together, move, refuse_open, unwritable
 from furrowmap.exporters.files.lease import (
     COMPLETE,
     STAGED_PRODUCTS,
@@ -38,33 +38,6 @@ def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -
     for name in there:
         _refuse_taken(folder / name)
     refuse_open(folder / name for name in there)
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder for products, if it does not exist. Raises InputError or WriteError if that is not possible."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _unwritable(folder, error) from error
-
-
-@contextmanager
-def made_folder(folder: Path) -> Iterator[None]:
-    """As :func:`make_folder`; a folder in which nothing was made, and those made above it, are removed again."""
-    created = [place for place in (folder, *folder.parents) if not place.exists()]
-    try:
-        make_folder(folder)
-        yield
-    finally:
-        for place in created:
-            with suppress(OSError):  # not empty
-                place.rmdir()
-
-
-def _unwritable(folder: Path, error: OSError) -> FurrowmapError:
-    if failed_write(error) is not None:
-        return write_error(folder, error)
-    return InputError("output-unwritable", folder=folder, strerror=error.strerror or error)
 
 
 @contextmanager
@@ -94,7 +67,7 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
                 products = lease / STAGED_PRODUCTS
                 products.mkdir()
             except OSError as error:
-                raise _unwritable(folder, error) from error
+                raise unwritable(folder, error) from error
             try:
                 yield products
                 _commit(lease, folder)

@@ -60,3 +60,18 @@ def test_promise_23__writer_follows_no_links_and_opens_no_pipes(deed: str, tmp_p
                 # A farm map may be a link, to one on a server.
                 assert any(str(path) in said["error"][0] for path in (product, product.resolve())), (kind, said)
                 assert product.is_symlink() or not product.is_file() or kind in REPLACED
+
+
+@pytest.mark.parametrize("deed", sorted(WRITERS) if KILLS else ALWAYS)
+def test_folder_that_does_not_exist__is_made_by_every_writer(deed: str, tmp_path: Path, program: Mortal) -> None:
+    """But for those of which the folder has to be there: a session lies beside its recording, a farm map may be far."""
+    writer = WRITERS[deed]
+    (tmp_path / "sources").mkdir()
+    source = writer.make(tmp_path / "sources", 1)
+    target = tmp_path / "new" / "below" / writer.target
+    said = program.does(deed, source, target)
+    if deed in ("farm", "init", "calibrate"):
+        assert not (tmp_path / "new").exists()
+    else:
+        assert said.get("operations"), said
+        assert writer.content(target)

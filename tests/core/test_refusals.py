@@ -206,6 +206,9 @@ def test_task_data__in_an_archive_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.zip").write_bytes(b"PK\x03\x04" + bytes(100))
     with refusal("task-data-unreadable", "a.zip: File is not a zip file"):
         content.open_task_sets(tmp_path / "a.zip")[0]
+    (tmp_path / "field.kml").write_text("<kml></kml>")
+    with refusal("task-data-missing", r"field\.kml is neither a folder with a TASKDATA\.XML nor a zip archive"):
+        content.open_task_sets(tmp_path / "field.kml")
 
 
 def poses(lon: list[float], seconds: list[float] | None = None, scale: str = "unix") -> RawPoses:

@@ -25,10 +25,9 @@ from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import RETURNS, PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
-from furrowmap.exporters.files.atomic import refuse_existing
+from furrowmap.exporters.files.atomic import make_folder, refuse_existing
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.staging import make_folder
 from furrowmap.settings import CleanSettings
 from furrowmap.workflows.clouds.inputs import area_records, box_to_use, input_records, input_rows, open_inputs
 

@@ -25,8 +25,8 @@ from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.writer import CopcWriter
+from furrowmap.exporters.files.atomic import make_folder
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.staging import make_folder
 from furrowmap.workflows.clouds.clean import NO_TIME, batch_of, refuse_target, scale_of
 from furrowmap.workflows.clouds.inputs import input_records
 from furrowmap.workflows.run.colours import RunColours

@@ -1,6 +1,8 @@
 """What a live session shows, as messages of MQTT for other software."""
 
+import errno
 import json
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
@@ -13,6 +15,8 @@ MAX_RECONNECT_S: Final = 10.0
 CONNECT_S: Final = 5.0
 MQTT_KEEP_ALIVE_S: Final = 15
 LOOP_S: Final = 0.05
+MAX_ANSWER_BYTES: Final = 1 << 16
+"""Nothing is subscribed to, so a broker sends acknowledgements, of some bytes."""
 
 
 class MqttOutlet:
@@ -40,8 +44,7 @@ class MqttOutlet:
         if not parts.hostname or not port or parts.scheme not in PORTS:
             raise UsageError("usage.live-mqtt", url=url)
         try:
-            from paho.mqtt.client import Client
-            from paho.mqtt.enums import CallbackAPIVersion
+            self._new_client = _client_type()
         except ImportError:
             raise RefusedError("extra-missing.cab", package="paho-mqtt") from None
         self._topic = unquote(parts.path).strip("/") or "furrowmap"
@@ -52,7 +55,6 @@ class MqttOutlet:
         self._is_connected = False
         self._waiting: dict[str, str] = {}
         self.fault: Notice | None = Notice("live-mqtt", broker=self._broker, reason="no connection yet")
-        self._new_client = partial(Client, CallbackAPIVersion.VERSION2)
         self.thread = SupervisedThread("MQTT", self._connect_often, self._ended)
         self.thread.ensure()
 
@@ -120,3 +122,19 @@ class MqttOutlet:
         """Whatever a broker sent that ended the thread: it connects again."""
         self._is_connected = False
         self.fault = Notice("live-mqtt", broker=self._broker, reason=thread.cause)
+
+
+def _client_type() -> Callable[[], Any]:
+    """Makes clients that take no more from a broker than answers. Raises ImportError without paho-mqtt."""
+    from paho.mqtt.client import Client
+    from paho.mqtt.enums import CallbackAPIVersion
+
+    class AnswersOnly(Client):
+        """A packet may state 256 MB, all of which would be received."""
+
+        def _sock_recv(self, bufsize: int) -> bytes:
+            if bufsize > MAX_ANSWER_BYTES:
+                raise OSError(errno.EMSGSIZE, "the broker sends what was not asked for")
+            return super()._sock_recv(bufsize)
+
+    return partial(AnswersOnly, CallbackAPIVersion.VERSION2)

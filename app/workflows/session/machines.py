@@ -16,8 +16,7 @@ from furrowmap.core.session.file import load_session
 from furrowmap.core.session.machine import load_machine, machine_of, machine_text
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.values.machine import Machine, MachineImplement
-from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
-from furrowmap.exporters.files.staging import make_folder
+from furrowmap.exporters.files.atomic import atomic_output, make_folder, refuse_existing
 from furrowmap.workflows.share.qgis_plugin import user_data
 
 MACHINES_VARIABLE: Final = "FURROWMAP_MACHINES"

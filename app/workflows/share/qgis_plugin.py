@@ -14,8 +14,8 @@ from typing import Final
 
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.write_errors import writing
-from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
-from furrowmap.exporters.files.staging import made_folder, staged_folder
+from furrowmap.exporters.files.atomic import atomic_output, made_folder, refuse_existing
+from furrowmap.exporters.files.staging import staged_folder
 
 
 def write_notebooks(folder: Path) -> list[Path]:

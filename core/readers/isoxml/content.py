@@ -23,6 +23,7 @@ from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name, leads_out
 from furrowmap.core.runtime.memory import expect_growth, expect_memory
+from furrowmap.core.runtime.plain_reads import open_plain
 
 MAIN: Final = "TASKDATA.XML"
 MAX_ARCHIVE_FILES: Final = 100_000
@@ -152,10 +153,13 @@ def _read_file(path: Path) -> bytes:
 
 def _open_archive(path: Path) -> list[TaskFiles]:
     try:
-        with zipfile.ZipFile(path) as archive:
-            found = archive.infolist()
+        with open_plain(path) as file:
+            is_archive = file.read(2) == b"PK" or zipfile.is_zipfile(path)
+        found = _entries(path) if is_archive else []
     except Exception as error:  # noqa: BLE001 damage ends in errors of many families
         raise InputError("task-data-unreadable", path=path, error=error) from None
+    if not is_archive:
+        raise InputError("task-data-missing.no-archive", path=path)
     ahead = min((entry.header_offset for entry in found), default=0)
     entries = [entry for entry in found if not entry.filename.endswith("/")]
     expect_growth(path, path.stat().st_size, sum(entry.file_size for entry in entries))
@@ -169,6 +173,11 @@ def _open_archive(path: Path) -> list[TaskFiles]:
         readers[name.parent][name.name.upper()] = partial(_read_entry, path, entry)
     folders = _folders_of_mains(path, [entry.filename for entry in entries])
     return [TaskFiles(path, label, notices, readers[inside]) for inside, label in folders]
+
+
+def _entries(path: Path) -> list[zipfile.ZipInfo]:
+    with zipfile.ZipFile(path) as archive:
+        return archive.infolist()
 
 
 def _read_entry(path: Path, entry: zipfile.ZipInfo) -> bytes:

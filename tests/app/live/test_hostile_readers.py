@@ -8,7 +8,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from http.client import HTTPConnection
 from pathlib import Path
@@ -352,6 +352,21 @@ def test_promise_26__feed_whose_threads_are_killed_goes_on_where_it_was(
     assert all(thread.ends for thread in feed.threads)
     of_file = list(open_session(simulated.session).lidar(0.0).scans())
     assert [len(scan) for scan in scans] == [len(scan) for scan in of_file][: len(scans)]
+
+
+def test_mqtt__packet_that_states_256_mb_ends_the_connection() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(20.0)
+        outlet = MqttOutlet(f"mqtt://127.0.0.1:{server.getsockname()[1]}")
+        broker, _ = server.accept()
+        with broker:
+            broker.settimeout(20.0)
+            broker.recv(1000)
+            broker.sendall(b"\x20\x02\0\0" + b"\x30\xff\xff\xff\x7f" + bytes(1000))
+            with suppress(ConnectionError):
+                while broker.recv(1000):  # it says that it is online, until it reads what it is sent
+                    pass
+        outlet.close()
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import errno
 import os
 import shutil
 import sqlite3
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import rasterio
 from pyogrio.errors import DataSourceError
 from rasterio.errors import RasterioIOError
 
+from furrowmap.cli.main import command_line
 from furrowmap.core.runtime import write_errors
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.runtime.record_spool import RecordSpool
@@ -27,6 +29,7 @@ from furrowmap.core.runtime.write_errors import (
     free_bytes,
     scratch_directory,
     shown_path,
+    temporary_elsewhere,
     writing,
     writing_scratch,
 )
@@ -147,3 +150,20 @@ def test_paths__are_shown_without_the_hidden_folders_of_a_run(tmp_path: Path) ->
 
 def test_free_space__is_that_of_the_next_folder_that_exists(tmp_path: Path) -> None:
     assert free_bytes(tmp_path / "a" / "b.tif") == pytest.approx(shutil.disk_usage(tmp_path).free, rel=0.2)
+
+
+def test_temporary_files__that_go_elsewhere_than_the_environment_states_are_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "link").symlink_to(tmp_path)
+    for name in ("TMPDIR", "TEMP", "TMP"):
+        monkeypatch.delenv(name, raising=False)
+    for folder, is_told in (("none", True), ("file", True), ("", False), ("link", False)):
+        monkeypatch.setenv("TEMP", str(tmp_path / folder))
+        monkeypatch.setattr(tempfile, "tempdir", None)
+        assert temporary_elsewhere() is None
+        with scratch_directory() as made:
+            assert command_line(["explain", "fault"]) == 0
+        told = capsys.readouterr().err
+        assert (str(made.parent) in told and str(tmp_path / folder) in told and "TEMP" in told) is is_told
