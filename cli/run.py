@@ -9,6 +9,7 @@ from furrowmap.cli.console import Console, put_error
 from furrowmap.cli.options import FILE, command, flag, option, output
 from furrowmap.cli.tables import figures, table, written
 from furrowmap.core.runtime.errors import RefusedError, printable
+from furrowmap.core.runtime.file_names import resolved
 
 
 @command("Process a session: point cloud, surfaces, worked ground, report.", "furrowmap run session.toml -o result")
@@ -58,7 +59,7 @@ def run(
         session /= "session.toml"
     with console.work() as progress:
         if preview:
-            folder = output or session.resolve().parent / f"{session.stem}_preview"
+            folder = output or resolved(session).parent / f"{session.stem}_preview"
             report = furrowmap.preview(session, folder, progress=progress)
         else:
             result = furrowmap.run(session, output, within=within, **options, progress=progress)

@@ -19,6 +19,7 @@ from qgis.PyQt.QtCore import QCoreApplication, QEvent, QObject, Qt
 from qgis.PyQt.QtWidgets import QLabel
 
 from .map_service import ServiceLayer
+from .platforms import resolved
 
 tr = partial(QCoreApplication.translate, "BaseMap")
 
@@ -119,7 +120,7 @@ def own_layer(own: str, attribution: str = "") -> QgsRasterLayer:
                 tr("{file} has vector tiles. Only raster tiles can be the base map.").format(file=Path(own).name)
             )
         attribution = attribution or re.sub("<[^>]*>", "", stated.get("attribution", ""))
-        address = quote(Path(own).resolve().as_uri(), safe="")
+        address = quote(resolved(own).as_uri(), safe="")
         layer = QgsRasterLayer(f"type=mbtiles&url={address}", Path(own).stem, "wms")
     elif own and Path(own).is_file():
         layer = QgsRasterLayer(own, Path(own).stem, "gdal")

@@ -23,15 +23,19 @@ SEARCH_PATHS = ("PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "DYLD_FRAMEWORK_
 """Variables from which QGIS's own folders are removed."""
 
 
-def _resolved(folder: str) -> PurePath:
-    return Path(folder).resolve()  # also of short names, as C:/PROGRA~1, which QGIS's start files use
+def resolved(path: str | Path) -> Path:
+    """A path without links, as far as they can be followed: `Path.resolve` raises RuntimeError for a circle of links.
+
+    Short names of Windows become long ones, as C:/PROGRA~1, which QGIS's start files use.
+    """
+    return Path(os.path.realpath(path))
 
 
 def worker_environment(
     variables: Mapping[str, str],
     prefix: PurePath | None,
     platform: str = sys.platform,
-    resolved: Callable[[str], PurePath] = _resolved,
+    resolved: Callable[[str], PurePath] = resolved,
 ) -> dict[str, str]:
     """The user's variables for the worker, without what QGIS sets; folders below `prefix` leave the search paths."""
     separator = ";" if platform == "win32" else ":"

@@ -32,6 +32,7 @@ from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.geodesy.longitudes import middle_deg
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.file_signatures import binary_kind
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file, name_of
@@ -131,7 +132,7 @@ def _japan(name: str) -> HeightSystem:
 
 def _from_grid(grid: Path) -> tuple[GeoidHeight, str]:
     """A grid of geoid heights, interpolated bilinearly by PROJ."""
-    place = grid.resolve().as_posix()
+    place = resolved(grid).as_posix()
     if any(sign in place for sign in ',"'):
         raise InputError("geoid-unreadable", grid=grid)
     try:

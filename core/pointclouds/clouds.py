@@ -18,6 +18,7 @@ from furrowmap.core.readers.las.cloud import Box, CloudFile, Survey, open_cloud
 from furrowmap.core.readers.las.points import CloudBatch, TimeKind
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import full_name_of
 from furrowmap.core.values.height_units import with_height_unit
@@ -163,7 +164,7 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     """
     given: dict[Path, Path] = {}
     for path in paths:
-        first = given.setdefault(path.resolve(), path)
+        first = given.setdefault(resolved(path), path)
         if first is not path:
             raise UsageError("cloud-twice", path=path, first=first)
     files = tuple(open_cloud(path) for path in paths)

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
+from furrowmap.core.runtime.file_names import resolved
+
 SQLITE_MAGIC: Final = b"SQLite format 3\0"
 MAX_SCHEMA_BYTES: Final = 10_000_000
 """Of all `CREATE` statements together."""
@@ -55,7 +57,7 @@ def check_sqlite(path: Path) -> None:
     status = path.stat()
     write_ahead = Path(f"{path}-wal")
     changed_ns = write_ahead.stat().st_mtime_ns if write_ahead.is_file() else 0
-    _check(path.resolve(), (status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, changed_ns))
+    _check(resolved(path), (status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns, changed_ns))
 
 
 def names_second_file(journal: Path) -> bool:

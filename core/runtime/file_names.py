@@ -44,6 +44,11 @@ def is_relative_name(name: str) -> bool:
     return all(is_file_name(part) for part in name.split("/"))
 
 
+def is_network_path(name: str) -> bool:
+    """Whether Windows would look for a path at another computer (UNC), or at a device: it begins with two slashes."""
+    return name.replace("\\", "/").startswith("//")
+
+
 def resolved(path: Path) -> Path:
     """`path` without links, as far as they can be followed: `Path.resolve` raises RuntimeError for a circle of links.
 

@@ -14,14 +14,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.runtime.errors import Cancelled, FurrowmapError
+from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, InputError, Notice
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.memory import size_text
 from furrowmap.core.runtime.settings import settings
 
 UNFINISHED_PREFIX: Final = ".furrowmap-"
 """How the names of unfinished files and folders begin."""
-_CIRCLE: Final = re.compile(r"Symlink loop from '(.*)'", re.DOTALL)
-"""What `Path.resolve` says of links in a circle, before Python 3.13; of Python's other functions it is an OSError."""
 _FULL: Final = (errno.ENOSPC, errno.EDQUOT)
 _OF_WRITES: Final = (*_FULL, errno.EROFS, errno.EFBIG)
 """Errors of the system that nothing but writing raises."""
@@ -96,6 +95,16 @@ def temporary_folder() -> Path:
         raise WriteError("not-written.no-temporary-folder", strerror=error.strerror or error) from None
 
 
+def temporary_elsewhere() -> Notice | None:
+    """That temporary files were written to another folder than the environment states; None where none were, too."""
+    named = ((name, os.environ.get(name)) for name in ("TMPDIR", "TEMP", "TMP"))  # as tempfile looks for it
+    variable, stated = next(((name, folder) for name, folder in named if folder), ("", ""))
+    used = tempfile.tempdir
+    if not stated or used is None or resolved(Path(stated)) == resolved(Path(used)):
+        return None
+    return Notice("temporary-elsewhere", used=used, stated=stated, variable=variable)
+
+
 def write_error(path: Path, error: BaseException, needed_bytes: int | None = None) -> WriteError:
     """That a file cannot be written, with the free space there."""
     place = temporary_folder() if _fills_temporary_folder(error, path) else path
@@ -110,9 +119,8 @@ def as_furrowmap_error(raised: BaseException) -> FurrowmapError:
         return Cancelled()
     if isinstance(raised, MemoryError):
         return FurrowmapError("out-of-memory")
-    circle = _CIRCLE.fullmatch(str(raised)) if isinstance(raised, RuntimeError) else None
-    if circle is not None:
-        raised = OSError(errno.ELOOP, os.strerror(errno.ELOOP), circle[1])
+    if isinstance(raised, OSError) and raised.errno == errno.ELOOP and raised.filename is not None:
+        return InputError("circular-links", path=raised.filename)
     if isinstance(raised, OSError) and raised.errno in _OF_WRITES and _written_name(raised) is not None:
         return write_error(Path(os.fsdecode(_written_name(raised) or "")), raised)
     failed = failed_write(raised)

@@ -7,7 +7,7 @@ from typing import Final
 
 from furrowmap.core.readers.exif import exif_images, read_image_table
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.file_names import MAX_ENTRIES, LeavesFolder, TooManyEntries, leads_out, matching
+from furrowmap.core.runtime.file_names import MAX_ENTRIES, LeavesFolder, TooManyEntries, leads_out, matching, resolved
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.session import CameraSource
@@ -63,19 +63,19 @@ def camera_table(session_file: Path, source: CameraSource | None) -> Path | None
     """The table that `[camera] table` names, if there is one. Raises InputError if it is outside the folder."""
     if source is None or source.table is None:
         return None
-    folder = session_file.resolve().parent
+    folder = resolved(session_file).parent
     path = folder / source.table
     if "\0" in source.table or leads_out(path, folder):
         raise _outside(session_file, source.table)
     try:
-        return path.resolve() if path.is_file() else None
+        return resolved(path) if path.is_file() else None
     except OSError:  # the name is too long
         return None
 
 
 def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]) -> tuple[Path, ...]:
     """The files of `[camera] files`, by name within each pattern. Raises InputError if one is outside the folder."""
-    folder = session_file.resolve().parent
+    folder = resolved(session_file).parent
     found: dict[Path, None] = {}
     for named in source.files:
         try:
@@ -93,7 +93,7 @@ def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]
             raise _outside(session_file, named)
         if not there:
             notices.append(_missing(named))
-        found |= dict.fromkeys(path.resolve() for path in there)
+        found |= dict.fromkeys(resolved(path) for path in there)
     return tuple(found)
 
 
@@ -102,7 +102,7 @@ def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -
 
     InputError if a file lies outside the session's folder, or the table cannot be read.
     """
-    folder, parts = session_file.resolve().parent, []
+    folder, parts = resolved(session_file).parent, []
     table = camera_table(session_file, source)
     if table is not None:
         parts.append(read_image_table(table, folder, notices))

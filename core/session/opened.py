@@ -187,7 +187,7 @@ class OpenSession:
     def within(self, polygons: Path) -> "OpenSession":
         """The session with other polygons of the ground to map, which may lie anywhere."""
         try:
-            name = Path(os.path.relpath(resolved(polygons), self.file.resolve().parent)).as_posix()
+            name = Path(os.path.relpath(resolved(polygons), resolved(self.file).parent)).as_posix()
         except ValueError:  # on another drive of Windows
             name = resolved(polygons).as_posix()
         field = msgspec.structs.replace(self.session.field, within=name)
@@ -307,7 +307,7 @@ def resolve(session_file: Path, named: str) -> Path:
     A folder is accepted if it is a ROS 2 bag, a field of AgOpenGPS or holds task data. Raises InputError for what is
     outside, or missing.
     """
-    folder = session_file.resolve().parent
+    folder = resolved(session_file).parent
     try:
         path = resolved(folder / named)
         inside = list(path.iterdir()) if path.is_dir() else []

@@ -432,7 +432,7 @@ def _head(folder: Path, machine: Machine) -> str:
 # Session file proposed by `furrowmap init`. Lines that begin with a hash sign are comments. Check the values, measure
 # what is missing, and remove the hash sign of the lines that you fill in.
 {head_words(machine)}furrowmap = {SESSION_SCHEMA}
-name = {_quoted(folder.resolve().name or "session")}
+name = {_quoted(resolved(folder).name or "session")}
 """
 
 
@@ -647,9 +647,9 @@ def _inside(paths: Sequence[Path], folder: Path) -> list[str]:
     """Paths relative to `folder`. Raises InputError if one is outside."""
     names = []
     for path in map(resolved, paths):
-        if not path.is_relative_to(folder.resolve()):
+        if not path.is_relative_to(resolved(folder)):
             raise InputError("session-path-outside.paths", path=path, folder=folder)
-        names.append(path.relative_to(folder.resolve()).as_posix())
+        names.append(path.relative_to(resolved(folder)).as_posix())
     return names
 
 

@@ -10,6 +10,7 @@ from furrowmap.core.readers.areas.polygons import IDS, open_polygons
 from furrowmap.core.readers.exif import image_size, is_image_table, read_image_table
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.runtime.file_names import resolved
 
 _TABLES: Final = (".csv", ".xlsx", ".xls", ".ods")
 _MOST_TABLE_BYTES: Final = 2_000_000
@@ -79,7 +80,7 @@ def _images(path: Path, notices: list[Notice]) -> ImageTable | None:
     try:
         if path.suffix.lower() != ".csv" or not is_image_table(path):
             return None
-        files = read_image_table(path, path.resolve().parent, told := list[Notice]()).paths
+        files = read_image_table(path, resolved(path).parent, told := list[Notice]()).paths
     except FurrowmapError:
         return None
     notices += told

@@ -91,7 +91,7 @@ def likeliest(deviance: Callable[[float], float], min_gain: float) -> float:
         if tried[-1] > tried[-2]:
             break
     best = int(np.argmin(tried))
-    if tried[0] - tried[best] < min_gain:
+    if best == 0 or tried[0] - tried[best] < min_gain:
         return 1.0
     vertex = 0.0
     if best + 1 < len(tried):

@@ -20,7 +20,7 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.longitudes import cut_at_antimeridian, west_east_deg
 from furrowmap.core.geodesy.projection import stated_frame
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.file_names import is_file_name, resolved
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs import crs_of_file
@@ -144,7 +144,7 @@ def write_season_catalogue(
     folder: Path, target: Path, collections: Mapping[str, tuple[str, Sequence[StacItem], Mapping[str, Any]]]
 ) -> None:
     """Write `catalog.json`, and below `stac/` collections with their items: title, items and further fields by name."""
-    name = target.resolve().name or "season"
+    name = resolved(target).name or "season"
     for key, (title, items, more) in collections.items():
         place = folder / STAC_FOLDER / key
         place.mkdir(parents=True, exist_ok=True)
@@ -234,7 +234,7 @@ def _linked_item(folder: Path, report: dict[str, Any], start: Path) -> StacItem:
     item = run_item(report)
     for asset in item["assets"].values():
         path = folder / asset["href"]
-        asset["href"] = relative_path(path, start) or path.resolve().as_uri()
+        asset["href"] = relative_path(path, start) or resolved(path).as_uri()
     return item
 
 

@@ -19,6 +19,7 @@ from pyproj import CRS
 from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.readers.sqlite_file import check_sqlite, check_triggers
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import crs_of_file
@@ -178,7 +179,7 @@ def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = si
     save to the file until the end.
     """
     refuse_dangling(path)
-    path = path.resolve()
+    path = resolved(path)
     if not path.parent.is_dir():
         raise InputError("base-unreachable.geopackage-edit", parent=path.parent)
     with exclusive(path, progress):

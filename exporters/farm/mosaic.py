@@ -20,6 +20,7 @@ from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.raster_heights import plain_heights
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice, RefusedError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs import name_of
@@ -87,7 +88,7 @@ def write_mosaic(
         mean: write the mean height of all sessions and their number instead of the latest session's cells.
     """
     surfaces = [surface_file(path) for path in paths]
-    if output.resolve() in {surface.path for surface in surfaces}:
+    if resolved(output) in {surface.path for surface in surfaces}:
         raise RefusedError("output-is-input.write-mosaic", output=output)
     target, cell_m = common_crs(surfaces, optional_crs(crs)), cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
@@ -109,7 +110,7 @@ def write_mosaic(
     )
     if output.suffix == VIRTUAL:
         sources = [(s.path, s.grid, s.nodata) for s in surfaces if s.grid is not None]
-        text = virtual_raster(output.resolve().parent, grid, target, surfaces[-1].bands[:1], sources, origin)
+        text = virtual_raster(resolved(output).parent, grid, target, surfaces[-1].bands[:1], sources, origin)
         with atomic_output(output) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
     else:

@@ -17,6 +17,7 @@ from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.raster_heights import HeightScale, height_scale
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.rasters.cog import Band
 from furrowmap.exporters.rasters.windows import shared_cells, window
@@ -74,7 +75,7 @@ def surface_file(path: Path) -> SurfaceFile:
         if scale.unit_m != 1.0:
             bands = (replace(bands[0], unit="m"), *bands[1:])
         nodata = raster.nodata if scale.plain else None
-        return SurfaceFile(path.resolve(), scale.crs, width, tuple(raster.bounds), grid, bands, nodata, span_s, scale)
+        return SurfaceFile(resolved(path), scale.crs, width, tuple(raster.bounds), grid, bands, nodata, span_s, scale)
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,12 @@
 
 import os
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 from typing import IO, Final
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.file_names import leads_out
 
 _NO_FOLLOW: Final = getattr(os, "O_NOFOLLOW", 0)
 _NO_WAIT: Final = getattr(os, "O_NONBLOCK", 0)
@@ -41,6 +43,17 @@ def refuse_special(path: Path) -> None:
     """
     if os.path.lexists(path) and path.exists() and not path.is_file():
         raise _no_plain_file(path)
+
+
+def refuse_unlike_products(folder: Path, names: Iterable[str]) -> None:
+    """Check that nothing but files of the folder have the names of products, which later are read under these names.
+
+    A run leaves what it does not replace. Raises InputError for links that lead out, and as :func:`refuse_special`.
+    """
+    for name in names:
+        refuse_special(folder / name)
+        if leads_out(folder / name, folder):
+            raise _no_plain_file(folder / name)
 
 
 def refuse_dangling(path: Path) -> None:

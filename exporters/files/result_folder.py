@@ -18,7 +18,7 @@ from furrowmap.core.readers.ogr_layers import list_layers
 from furrowmap.core.readers.sqlite_file import SIDECARS
 from furrowmap.core.readers.vector_file import VectorLayer, read_vector_layer
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.core.runtime.file_names import inside
+from furrowmap.core.runtime.file_names import inside, resolved
 from furrowmap.core.runtime.plain_reads import expect_plain_file, read_plain_bytes
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import recover, refuse_products
@@ -116,6 +116,8 @@ RUN_PRODUCTS: Final = (
     *(REPORT, REPORT_PAGE, SESSION_FILE, ITEM),
 )
 """All files that `furrowmap run` may write."""
+RUN_FILES: Final = (*RUN_PRODUCTS, *(f"{FIELD}{suffix}" for suffix in SIDECARS))
+"""All files that are read as those of a run."""
 SURFACE_PRODUCTS: Final = (
     DSM, DTM, HEIGHT_ABOVE_GROUND, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES, SURFACES_REPORT,
 )  # fmt: skip
@@ -179,7 +181,7 @@ class ResultFolder:
     @property
     def name(self) -> str:
         """The session's name; the folder's where it has none."""
-        return str(self.report["session"]["name"]) or self.folder.resolve().name
+        return str(self.report["session"]["name"]) or resolved(self.folder).name
 
     @property
     def origin(self) -> Origin:
@@ -230,7 +232,7 @@ def result_origin(report: dict[str, Any], name: str = "") -> Origin:
 def open_result(folder: Path) -> ResultFolder:
     """Open a result; raises InputError if there is none or it cannot be read, RefusedError while a run is writing."""
     recover(folder)
-    for name in (*RUN_PRODUCTS, *(f"{FIELD}{suffix}" for suffix in SIDECARS)):
+    for name in RUN_FILES:
         path = inside(folder, name, folder)
         try:
             if path.exists():

@@ -18,6 +18,7 @@ from qgis.PyQt.QtWidgets import QAction, QFileDialog, QPushButton, QStackedWidge
 
 from ..interpreter import find_interpreter, is_usable
 from ..options_page import PAGE
+from ..platforms import resolved
 from ..previews import open_preview
 from ..products import product
 from ..results import (
@@ -554,7 +555,7 @@ class FurrowmapDock(QgsDockWidget):
     def _edit_session(self) -> None:
         """Show the session of the result in the form."""
         named = read_report(self._folder).get("session_file")
-        session = (self._folder / named).resolve() if isinstance(named, str) else self._session
+        session = resolved(self._folder / named) if isinstance(named, str) else self._session
         if session.is_file():
             self.open_session(session)
         else:
@@ -715,7 +716,7 @@ def _show_algorithm(name: str, parameters: dict[str, Any]) -> None:
 
 def folder_for(session: Path) -> Path:
     """The folder for the products of a session, the same as on the command line."""
-    session = session.resolve()
+    session = resolved(session)
     return session.parent / f"{session.stem}_result"
 
 

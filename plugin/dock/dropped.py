@@ -10,6 +10,7 @@ from pathlib import Path
 from qgis.gui import QgsCustomDropHandler
 from qgis.PyQt.QtCore import QMimeData
 
+from ..platforms import resolved
 from ..previews import ACCOUNT
 from ..products import product
 from ..results import CLOUD, FIELD_FILE, REPORT
@@ -68,7 +69,7 @@ def recognise(paths: Iterable[Path]) -> Dropped | None:
 
 def home_of(recording: Path) -> Path:
     """The folder for the session of a recording: a folder of recordings itself, else the one that it is in."""
-    path = recording.resolve()
+    path = resolved(recording)
     return path if path.is_dir() and not _is_recording(path) else path.parent
 
 

@@ -21,6 +21,8 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
+from ..platforms import resolved
+
 tr = partial(QCoreApplication.translate, "Findings")
 
 SAME_WITHIN = 1.001e-3
@@ -134,8 +136,8 @@ def name_within(folder: Path, chosen: str) -> str:
     chosen = chosen.strip()
     if not chosen:
         return ""
-    folder = folder.resolve()
-    path = (folder / chosen).resolve()
+    folder = resolved(folder)
+    path = resolved(folder / chosen)
     # The run refuses a file outside of the session's folder, with the reason.
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else chosen
 

@@ -16,6 +16,7 @@ from qgis.gui import QgsFileWidget, QgsProjectionSelectionWidget
 from qgis.PyQt.QtCore import Qt, pyqtSignal
 from qgis.PyQt.QtWidgets import QComboBox, QGroupBox, QLabel, QLineEdit, QScrollArea, QVBoxLayout, QWidget
 
+from ..platforms import resolved
 from .flight_parts import FlightParts, is_flight, remedy_words
 from .form_parts import (
     FILL_IN,
@@ -270,8 +271,8 @@ class SessionPage(QWidget):
         """The recordings of a session in the form that lacks one, if `recordings` are in its folder; else None."""
         if FILL_IN not in self._files:
             return None
-        folder = self.path.parent.resolve()
-        inside = all(path.resolve().is_relative_to(folder) for path in recordings)
+        folder = resolved(self.path.parent)
+        inside = all(resolved(path).is_relative_to(folder) for path in recordings)
         return [folder / name for name in self._files if name != FILL_IN] if inside else None
 
     def missing(self) -> list[str]:

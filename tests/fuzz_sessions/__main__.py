@@ -10,6 +10,7 @@ import shutil
 import sys
 import tempfile
 import time
+from itertools import chain
 from pathlib import Path
 
 from furrowmap.process import prepare_process
@@ -26,21 +27,20 @@ def main() -> int:
     parser.add_argument("--sessions", type=int, default=1000)
     parser.add_argument("--seed", default=time.strftime("%Y-%m-%dT%H:%M:%S"))
     parser.add_argument("--first", type=int, default=0, help="number of the first session")
-    parser.add_argument("--number", type=int, help="this session alone")
+    parser.add_argument("--number", type=int, nargs="+", default=[], help="these sessions alone")
     parser.add_argument("--shrink", action="store_true", help="drop what a finding does not need")
     parser.add_argument("--folder", type=Path, help="for the sessions; a file system in memory is faster")
     parser.add_argument("--every", type=int, default=1000, help="sessions between two lines about the progress")
     asked = parser.parse_args()
-    numbers = range(asked.first, asked.first + asked.sessions)
-    if asked.number is not None:
-        numbers = range(asked.number, asked.number + 1)
+    whole = range(asked.first, asked.first + asked.sessions)
+    numbers = [range(number, number + 1) for number in asked.number] or [whole]
     folder = Path(tempfile.mkdtemp(prefix="furrowmap-sessions-", dir=asked.folder))
     stock = stock_of(folder)
     load()
     total = Tally()
     begun_s = time.monotonic()
     print(f"seed {asked.seed}, {folder}", flush=True)
-    for tally in run(stock, asked.seed, numbers, folder):
+    for tally in chain.from_iterable(run(stock, asked.seed, some, folder) for some in numbers):
         before = total.sessions
         total.add(tally)
         for finding in tally.findings:

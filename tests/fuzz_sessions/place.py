@@ -55,7 +55,7 @@ class Place:
 
     @property
     def file(self) -> Path:
-        """For a command that writes one file, which may be there already."""
+        """For a command that writes one file, which may be there already; beside a machine, what it has learned."""
         return self.root / "written.toml"
 
     def may_change(self, path: Path) -> bool:
@@ -68,7 +68,8 @@ class Place:
             home / f"{self.session.stem}_result",
             home / "live.jsonl",
         )
-        return path not in self.kept and any(path == one or one in path.parents for one in (self.out, *default))
+        allowed = any(path == one or one in path.parents for one in (self.out, *default))
+        return path not in self.kept and (allowed or path.match(f"{self.root}/{self.file.stem}*.npz"))
 
 
 def lay_outside(root: Path, stock: Stock) -> None:

@@ -16,6 +16,7 @@ import msgspec
 
 from furrowmap.core.readers.boundary import notices_of_fields
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.memory import peak_memory_bytes
 from furrowmap.core.runtime.progress import Progress, silent
@@ -23,6 +24,7 @@ from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
 from furrowmap.core.session.file import read_session_text, session_text
 from furrowmap.core.session.opened import OpenSession
+from furrowmap.exporters.files.atomic import made_folder
 from furrowmap.exporters.files.batch_state import (
     STATE,
     BatchState,
@@ -35,7 +37,6 @@ from furrowmap.exporters.files.batch_state import (
 from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.lease import hold_lease, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
-from furrowmap.exporters.files.staging import made_folder
 from furrowmap.exporters.reports.pages import write_html
 from furrowmap.exporters.reports.season_pages import BATCH_PAGE, batch_page
 from furrowmap.exporters.vectors.batch_table import (
@@ -161,16 +162,16 @@ def _earlier(folder: Path, opened: OpenSession) -> Result | None:
     report = result.report
     if report["furrowmap"] != version("furrowmap") or report["session"] != plain(msgspec.to_builtins(opened.session)):
         return None
-    records = plain(file_records(opened.inputs.all, opened.file.resolve().parent))
+    records = plain(file_records(opened.inputs.all, resolved(opened.file).parent))
     had, have = (sorted((file["name"], file["sha256"]) for file in files) for files in (report["inputs"], records))
     return result if had == have else None
 
 
 def _outcome(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSession) -> SessionOutcome:
     report = result.report
-    root = opened.file.resolve().parent
-    digests = {(root / record["name"]).resolve(): record["sha256"] for record in report["inputs"]}
-    inputs = tuple(replace(one, sha256=digests.get(Path(one.path).resolve(), "")) for one in stamps)
+    root = resolved(opened.file).parent
+    digests = {resolved(root / record["name"]): record["sha256"] for record in report["inputs"]}
+    inputs = tuple(replace(one, sha256=digests.get(resolved(Path(one.path)), "")) for one in stamps)
     figures = {name: report["figures"][name] for name in BATCH_FIGURES if name in report["figures"]}
     figures |= {"session": report["session"]["name"], "warnings": len(report["warnings"])}
     footprint, track = outlines(result.layers, opened.frame)
@@ -349,7 +350,7 @@ class _Batch:
                 name=names[key],
                 file=source.place,
                 text=found.text,
-                results=str(self.results.resolve()),
+                results=str(resolved(self.results)),
                 visit=visit,
                 overwrite=self.overwrite or names[key] in outcomes,
                 url=source.url,
@@ -364,8 +365,8 @@ class _Batch:
         self, sources: Sequence[BatchSource], state: BatchState, force: Workforce, plan: _Plan, *, dry_run: bool
     ) -> dict[str, PreparedSource]:
         """The session and the visits of each source, by its file."""
-        machine = str(machine_file(self.settings.machine).resolve()) if self.settings.machine is not None else ""
-        boundaries = str(Path(self.settings.boundaries).resolve()) if self.settings.boundaries is not None else ""
+        machine = str(resolved(machine_file(self.settings.machine))) if self.settings.machine is not None else ""
+        boundaries = str(resolved(Path(self.settings.boundaries))) if self.settings.boundaries is not None else ""
         without = [source for source in sources if source.made and not machine]
         if without:
             shown = ", ".join(source.url or str(source.file.parent) for source in without[:3])

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.file_names import is_portable_name
+from furrowmap.core.runtime.file_names import is_portable_name, resolved
 from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import Stamp
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
@@ -50,10 +50,10 @@ def find_sources(folders: Sequence[Path], results: Path) -> list[BatchSource]:
     found: dict[Path, BatchSource] = {}
     for folder in folders:
         if folder.is_file():
-            path = folder.resolve()
+            path = resolved(folder)
             found.setdefault(path, BatchSource(path, (path.parent.name,), made=False, stamps=(stamp(path),)))
         elif folder.is_dir():
-            for source in _below(folder.resolve(), results.resolve()):
+            for source in _below(resolved(folder), resolved(results)):
                 found.setdefault(source.file, source)
         else:
             raise InputError("batch-no-folder", folder=folder)

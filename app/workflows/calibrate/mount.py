@@ -24,6 +24,7 @@ from furrowmap.core.readers.exif import exif_images, expect_pillow, is_image_tab
 from furrowmap.core.readers.video import VIDEO_SUFFIXES, Video
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.session.camera import camera_of
@@ -114,7 +115,7 @@ def calibrate_mount(
     expect_opencv()
     expect_pillow()
     source, notices = Path(frames), list[Notice]()
-    target = Path(out) if out is not None else source.resolve().with_name("mount.csv")
+    target = Path(out) if out is not None else resolved(source).with_name("mount.csv")
     if target.exists() and not overwrite:
         raise RefusedError("output-exists", target=target)
     stated = None
@@ -159,7 +160,7 @@ def _frames(
         files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES]
         images = read_image_table(tables[0], source, notices) if tables else exif_images(files, notices)
     else:
-        images = read_image_table(source, source.resolve().parent, notices)
+        images = read_image_table(source, resolved(source).parent, notices)
     if not len(images):
         raise InputError("no-images", source=source)
     some = list(zip(images.t_s.tolist(), images.paths, strict=True))[::every]

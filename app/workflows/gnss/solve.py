@@ -11,6 +11,7 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import look
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.programs import program_on_path
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.clock import iso_utc
@@ -85,7 +86,7 @@ def solve_gnss(
         mode = _STATIC if settings.static else _KINEMATIC
         options = ["-p", mode, "-c", "-t", "-m", f"{settings.mask_deg:g}", "-sys", SYSTEMS]
         # RTKLIB was found in PATH, and every path is absolute, so that none is read as an option.
-        paths = [str(path.resolve()) for path in (unfinished, rover, base, *map(Path, navigation))]
+        paths = [str(resolved(path)) for path in (unfinished, rover, base, *map(Path, navigation))]
         done = subprocess.run([program, *options, *place, "-o", *paths], capture_output=True, check=False)  # noqa: S603
         track = _solution(unfinished, done, rover)
     progress("solving positions", 1.0)

@@ -2,8 +2,6 @@
 
 import json
 import math
-import os
-import stat
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -23,11 +21,13 @@ from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format, data
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import InputError, UsageError
+from furrowmap.core.runtime.file_names import found_beside
 from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Recording
+from furrowmap.workflows.record.recorder import STATUS
 from furrowmap.workflows.record.series import numbered_files
 
 POLL_S: Final = 0.01
@@ -229,12 +229,11 @@ class FolderFeed:
 def recorder_status(folder: Path) -> dict[str, Any]:
     """What the recorder says of itself; empty where it says nothing, or something else than a recorder says."""
     with suppress(OSError, ValueError, RecursionError):
-        descriptor = os.open(folder / "status.json", os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-        with os.fdopen(descriptor, "rb") as file:
-            if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        for path in found_beside(folder, STATUS):
+            with path.open("rb") as file:
                 status = json.loads(file.read(MAX_STATUS_BYTES).decode("utf-8"))
-                if isinstance(status, dict):
-                    return status | {"warnings": _warnings(status.get("warnings"))}
+            if isinstance(status, dict):
+                return status | {"warnings": _warnings(status.get("warnings"))}
     return {}
 
 

@@ -9,6 +9,7 @@ from typing import Final
 
 from furrowmap.core.geodesy.crs_choice import CrsChoice, choose_crs
 from furrowmap.core.runtime.errors import Notice, RefusedError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.session.proposal import recorded_session, with_recorded
 from furrowmap.core.values.machine import Machine
 from furrowmap.workflows.record.senders import Rank, Sender
@@ -38,7 +39,7 @@ class SessionFile:
         place = next((each for each in places if math.isfinite(each[0])), None)
         if self._crs is None and place is not None:
             self._crs = choose_crs(*place)
-        text = self._text or self._there() or recorded_session(self._folder.resolve().name, self._machine)
+        text = self._text or self._there() or recorded_session(resolved(self._folder).name, self._machine)
         files = [sender.series.files for sender in self._scanners(text)]
         try:
             text = with_recorded(text, files, gnss, self._crs, self._machine)

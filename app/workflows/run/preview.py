@@ -12,6 +12,7 @@ from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline import pipeline
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import using_threads
@@ -54,7 +55,7 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
         FurrowmapError: if the session does not make a track, or the folder cannot be written to.
     """
     file = Path(session)
-    folder = Path(out) if out is not None else file.resolve().parent / f"{file.stem}_preview"
+    folder = Path(out) if out is not None else resolved(file).parent / f"{file.stem}_preview"
     opened = open_session(file)
     with staged_folder(folder) as staging, using_threads(opened.session.run.threads, by_default=True):
         with FieldPoints(staging, PREVIEW_CELL_M) as land:
@@ -91,7 +92,7 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
         track = ScanPoses(**{name: values[some] for name, values in vars(knots).items()})
         write_field(staging / PREVIEW_TRACK, track, frame.wkt, words=frame.words, origin=origin)
         read = [one for path in found.inputs for one in (files_in(path) if path.is_dir() else [path])]
-        root = file.resolve().parent
+        root = resolved(file).parent
         account = {
             "preview": True,
             "session": msgspec.to_builtins(found.session),

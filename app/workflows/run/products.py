@@ -30,6 +30,7 @@ from furrowmap.core.pointclouds.placed import PLACED_AHEAD, PlacedScan
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import behind, beside
 from furrowmap.core.runtime.errors import Notice, printable
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.file import together
 from furrowmap.core.session.opened import OpenSession
@@ -218,7 +219,7 @@ def write_products(
 ) -> None:
     """Write layers, page, session and report of a run for `folder`; it began at `start`, by `perf_counter`."""
     try:
-        origin = Path(os.path.relpath(opened.file.resolve(), folder.resolve())).as_posix()
+        origin = Path(os.path.relpath(resolved(opened.file), resolved(folder))).as_posix()
     except ValueError:  # on another drive of Windows
         origin = opened.file.name
     found, summary = made.found, made.cloud

@@ -26,6 +26,7 @@ from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.arrays import release
 from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.runtime.plain_reads import read_plain_text
@@ -35,7 +36,8 @@ from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.work.boundary import ground_to_map
 from furrowmap.exporters.files.atomic import atomic_output, refuse_open
 from furrowmap.exporters.files.file_records import FileRecord, file_records
-from furrowmap.exporters.files.result_folder import REPORT, RUN_PRODUCTS
+from furrowmap.exporters.files.plain_files import refuse_unlike_products
+from furrowmap.exporters.files.result_folder import REPORT, RUN_FILES, RUN_PRODUCTS
 from furrowmap.exporters.files.staging import kept, recover, staged_folder
 from furrowmap.process import importing
 
@@ -75,7 +77,7 @@ def run(
         FurrowmapError: if the session does not make a cloud, or the folder cannot be written to.
     """
     file = Path(session)
-    folder = Path(out) if out is not None else file.resolve().parent / f"{file.stem}_result"
+    folder = Path(out) if out is not None else resolved(file).parent / f"{file.stem}_result"
     opened = open_session(file)
     if within is not None:
         opened = opened.within(Path(within))
@@ -91,9 +93,10 @@ def run_opened(
         ground_to_map(opened.inputs.within, opened.frame)  # an error of the polygons is raised before the work
     if opened.inputs.check_points is not None:
         read_points(opened.inputs.check_points, opened.frame.whole_crs)  # likewise
-    if opened.file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
+    if resolved(opened.file) in {resolved(folder / name) for name in RUN_PRODUCTS}:
         raise RefusedError("output-is-input.refuse-original", folder=folder, session_file=opened.file.name)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
+    refuse_unlike_products(folder, RUN_FILES)
     refuse_open(folder / name for name in RUN_PRODUCTS)
     captures = [path for path in opened.inputs.lidar if path.is_file() and _BAGS.isdisjoint(path.suffixes)]
     needed = SPACE * sum(path.stat().st_size for path in captures)
@@ -114,7 +117,7 @@ def run_opened(
             begin()  # once packets are read: beside kernels, which leave the interpreter to these imports
             progress(stage, share)
 
-        inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
+        inputs = inputs or file_records(opened.inputs.all, resolved(opened.file).parent, progress)
         with ExitStack() as stack:
             parcels = None
             products: list[RunProducts] = []
@@ -195,7 +198,7 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
     there = [name for name in RUN_PRODUCTS if (folder / name).exists()]
     if not there:
         return None
-    inputs = file_records(opened.inputs.all, opened.file.resolve().parent, progress)
+    inputs = file_records(opened.inputs.all, resolved(opened.file).parent, progress)
     try:
         earlier = json.loads(read_plain_text(folder / REPORT))
         same = _recordings(earlier["session"], earlier["inputs"]) == _recordings(

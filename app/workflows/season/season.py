@@ -16,7 +16,7 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError, UsageError
-from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.file_names import is_file_name, resolved
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.runtime.progress import Progress, silent
@@ -285,7 +285,7 @@ def season(
     crs, changes = season_crs(sessions, optional_crs(settings.crs))
     force = Workforce(settings.workers, settings.scheduler, say)
     with staged_folder(folder) as staging, force:
-        plan = SeasonPlan(staging.resolve(), sessions, crs)
+        plan = SeasonPlan(resolved(staging), sessions, crs)
         parts: dict[str, Planned] = {}
         if MOSAICS in content:
             parts |= plan_tiles(plan, settings.cell_m)

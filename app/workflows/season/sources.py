@@ -16,7 +16,7 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
-from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.file_names import is_file_name, resolved
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file, name_of
 from furrowmap.exporters.exchange.stac import session_identifier
@@ -73,7 +73,7 @@ def find_sessions(sources: Sequence[Path], out: Path) -> tuple[list[SeasonSessio
     folders: dict[Path, None] = {}
     ties: dict[Path, None] = {}
     for source in sources:
-        found = list(_folders(source, out.resolve()))
+        found = list(_folders(source, resolved(out)))
         results = [folder for folder, names in found if REPORT in names]
         ties |= {folder: None for folder, names in found if TIE_REPORT in names}
         if not found or not (results or TIE_REPORT in found[0][1]):
@@ -122,7 +122,7 @@ def season_crs(sessions: Sequence[SeasonSession], wanted: CRS | None) -> tuple[C
 
 def _folders(source: Path, out: Path) -> Iterator[tuple[Path, list[str]]]:
     """The folders below one that is named, with their files; hidden ones and those below a result are left out."""
-    for place, inner, names in os.walk(source.resolve()):
+    for place, inner, names in os.walk(resolved(source)):
         inner[:] = sorted(name for name in inner if not name.startswith(".") and Path(place, name) != out)
         if REPORT in names or TIE_REPORT in names:
             inner.clear()
@@ -135,7 +135,7 @@ def _moved_surfaces(tie: Path) -> Iterator[tuple[Path, Path]]:
         dates = json.loads(read_plain_bytes(tie / TIE_REPORT))["dates"]
         for row in dates:
             if row["surface"] and is_file_name(row["surface"]):
-                yield Path(row["folder"]).resolve(), tie / row["surface"]
+                yield resolved(Path(row["folder"])), tie / row["surface"]
 
 
 def _session(result: ResultFolder, moved: Path | None) -> SeasonSession:

@@ -9,6 +9,7 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.exchange.stac import write_collection
 from furrowmap.exporters.exchange.task_data import write_task_data
@@ -95,7 +96,7 @@ def export(
 
 def _default(folder: Path, to: str) -> Path:
     """Beside the folder, named after it."""
-    here = folder.resolve()
+    here = resolved(folder)
     name = f"{here.name}_{to}"
     if to in TRAJECTORIES or to == MESH:
         return here.with_name(name + TRAJECTORIES.get(to, ".glb"))

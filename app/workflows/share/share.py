@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.runtime.progress import Progress, silent
@@ -96,7 +97,7 @@ def share(
             page's scripts.
     """
     opened = open_result(Path(result))
-    here = opened.folder.resolve()
+    here = resolved(opened.folder)
     target = Path(out) if out is not None else here.with_name(f"{here.name}_{'qfield' if qfield else 'page'}")
     if target.is_dir():
         recover(target)

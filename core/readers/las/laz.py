@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.readers.las.header import LasHeader, LasRecord
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.runtime.settings import allows
 
@@ -203,7 +204,7 @@ def _decode(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -
     begin, end = int(laz.begins[first]), int(laz.begins[last - 1] + laz.sizes[last - 1])
     size = int(laz.points[first:last].sum()) * laz.record_bytes
     table = list(zip(laz.points[first:last].tolist(), laz.sizes[first:last].tolist(), strict=True))
-    order = {"path": str(path.resolve()), "begin": begin, "bytes": end - begin, "table": table, "vlr": laz.vlr.hex()}
+    order = {"path": str(resolved(path)), "begin": begin, "bytes": end - begin, "table": table, "vlr": laz.vlr.hex()}
     return DECODER.points(size, what="chunks", **order)
 
 
@@ -222,7 +223,7 @@ def stream_points(
     If the user allows damaged files, they end where damage is found, with a notice in `lost`. InputError if a chunk is
     found to be damaged, and the user does not allow that.
     """
-    order = {"what": "stream", "path": str(path.resolve()), "offset": header.offset, "vlr": laz.vlr.hex()}
+    order = {"what": "stream", "path": str(resolved(path)), "offset": header.offset, "vlr": laz.vlr.hex()}
     done = 0
     try:
         _check_layers(file, laz, 0, int(np.searchsorted(np.cumsum(laz.points), points)) + 1)

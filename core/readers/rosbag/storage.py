@@ -29,6 +29,7 @@ from urllib.parse import quote
 from furrowmap.core.readers.source import Source
 from furrowmap.core.readers.sqlite_file import is_plain_table, names_second_file
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.memory import expect_disk, expect_growth
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
@@ -497,7 +498,7 @@ class Db3Storage(BagStorage):
         journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
         with Source(self.path) as source:
             if not source.compression and not journals:
-                return self.path.resolve(), False
+                return resolved(self.path), False
             copy = folder / "bag.db3"
             with copy.open("wb") as file:
                 while piece := source.read(1 << 20):

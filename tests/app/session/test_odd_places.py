@@ -22,6 +22,8 @@ from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.session import EXAMPLES
 from furrowmap.core.work.saved import load_implement, save_implement
+from furrowmap.workflows.live.feeds import recorder_status
+from tests.app.obstacles import OBSTACLES, obstacle
 from tests.core.readers.test_nmea import gga, write
 from tests.core.work.test_tool_history import TILLER
 from tests.exporters.farm.result_folders import field
@@ -70,6 +72,50 @@ def test_a_circle_of_links__as_an_argument_is_no_bug(line: list[str], tmp_path: 
     assert error is None or (error.code != "fault" and "circle.toml" in error.what)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="links need rights there")
+@pytest.mark.parametrize(
+    "line",
+    [
+        "batch {folder} -o {folder}/results --boundaries {circle} --dry-run",
+        "batch {folder} -o {folder}/results --machine {circle} --dry-run",
+        "batch {folder} -o {circle}",
+        "batch {circle} -o {folder}/results",
+        "run {folder}/session.toml -o {circle}",
+        "run --preview {folder}/session.toml -o {circle}",
+        "run {folder}/session.toml --within {circle}",
+        "run --preview {circle}/session.toml",
+        "season {circle} -o {folder}/season",
+        "season {folder} -o {circle}",
+        "init {circle} -o {folder}/new.toml",
+        "machine save {folder}/session.toml {circle}",
+        "calibrate {circle}",
+        "calibrate mount {circle} {circle}",
+        "export {circle} --to csv -o {folder}/exported",
+        "export {folder} --to stac -o {circle}",
+        "share {circle}",
+        "farm add {circle} {folder}",
+        "farm add {folder}/farm.gpkg {circle}",
+        "farm mosaic {folder}/farm.gpkg -o {circle}",
+        "surface {circle} -o {folder}/surfaces",
+        "cloud {circle} -o {folder}/clouds",
+        "gnss evaluate {circle}",
+    ],
+)
+def test_a_circle_of_links__wherever_a_path_is_given_is_no_bug(line: str, tmp_path: Path) -> None:
+    (tmp_path / "session.toml").write_text(SESSION.replace('boundary = "circle.geojson"', ""))
+    for name in ("gnss.nmea", "states.csv"):
+        (tmp_path / name).write_text("")
+    link = circle(tmp_path / "circle.link")
+    status, error = attempt(line.format(folder=tmp_path, circle=link).split())
+    assert status in (1, 2, 3, 4)
+    assert error is None or error.code not in ("fault", "system")
+    if line.startswith(("export {circle}", "share", "farm add {circle}")):  # which looks there first
+        assert error is not None
+        assert error.code == "circular-links"
+        assert str(link) in error.what
+    assert link.is_symlink()
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
 @pytest.mark.parametrize("name", ["treatments.csv", "treatments.xlsx", "images.csv", "parcels.geojson"])
 def test_a_pipe_beside_a_recording__is_passed_over(name: str, tmp_path: Path) -> None:
@@ -84,6 +130,24 @@ def test_a_pipe_as_a_table__is_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(ValueError, match="it is no file"):
         read_table(tmp_path / "pipe.csv", ValueError)  # type: ignore[arg-type]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+@pytest.mark.parametrize("kind", OBSTACLES)
+@pytest.mark.parametrize("name", ["implement_3.npz", "field.gpkg-wal", "report.json"])
+def test_a_run__that_could_leave_what_is_no_product_is_refused_before_the_work(
+    name: str, kind: str, tmp_path: Path
+) -> None:
+    (tmp_path / "session.toml").write_text(SESSION.replace('boundary = "circle.geojson"', ""))
+    for each in ("gnss.nmea", "states.csv"):
+        (tmp_path / each).write_text("")
+    (tmp_path / "out").mkdir()
+    with obstacle(tmp_path / "out" / name, kind) as unchanged:
+        with pytest.raises(InputError) as refused:
+            furrowmap.run(tmp_path / "session.toml", tmp_path / "out", overwrite=True)
+        unchanged()
+    is_plain = kind == "hard link"  # which is replaced
+    assert is_plain or (refused.value.code == "output-no-file" and name in refused.value.what)
 
 
 def test_a_file_in_the_place_of_results__is_named(tmp_path: Path) -> None:
@@ -133,6 +197,23 @@ def test_what_live_showed__is_not_read_through_a_link_or_a_pipe(linked: bool, tm
     else:
         os.mkfifo(log)
     assert live_difference(log.parent, "EPSG:6677", field()[0], None) is None
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")
+def test_what_the_recorder_says__is_not_read_through_a_link_that_leads_out_or_a_pipe(tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    folder.mkdir()
+    status = folder / "status.json"
+    os.mkfifo(status)
+    assert recorder_status(folder) == {}
+    (tmp_path / "other").write_text('{"state": "ended"}')
+    status.unlink()
+    status.symlink_to(tmp_path / "other")
+    assert recorder_status(folder) == {}
+    (tmp_path / "other").rename(folder / "own")
+    status.unlink()
+    status.symlink_to("own")
+    assert recorder_status(folder)["state"] == "ended"
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes there")

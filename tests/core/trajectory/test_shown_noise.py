@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.inertial_checks import densities, with_shown_noise
+from furrowmap.core.trajectory.position_drift import likeliest
 from furrowmap.core.values.inertial import InertialTrack
 from tests.core.trajectory.flights import INDUSTRIAL
 
@@ -80,3 +81,13 @@ def test_noise__is_what_is_shown_from_one_and_a_half_times_on(
     for notice in notices:
         assert notice.text.startswith("imu.csv: at 50 Hz")
         assert str(words) in notice.text
+
+
+@pytest.mark.parametrize("times", [0.25, 0.9, 1.0, 3.0, 10.0])
+@pytest.mark.parametrize("min_gain", [0.0, 1.0])
+def test_times_of_a_standard_deviation__are_those_of_the_least_deviance_but_none_below_one(
+    times: float, min_gain: float
+) -> None:
+    """The deviance is a parabola over the logarithm, which three of its points determine."""
+    found = likeliest(lambda tried: float(np.log2(tried / times) ** 2), min_gain)
+    assert found == pytest.approx(max(1.0, times), rel=1e-9)
