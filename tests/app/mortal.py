@@ -119,7 +119,7 @@ def stopped_at_times(task: dict[str, Any]) -> None:
                     time.sleep(0.001)
             copy_state(task, f"pause {number}")
         finally:
-            for process in (*workers, child):
+            for process in (child, *workers):
                 os.kill(process, signal.SIGCONT)
     os.waitpid(child, 0)
     os._exit(0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import gzip
 import json
 import signal
 import sys
@@ -43,10 +44,10 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     folder = made.session.parent
     text = made.session.read_text(encoding="utf-8")
-    for name, recorded in (("recording.pcap", "lidar-192.168.1.201-0001.pcap"), ("gnss.nmea", "gnss-0001.log")):
-        assert name in text
-        text = text.replace(name, recorded)
-        (folder / name).rename(folder / recorded)
+    (folder / "lidar-192.168.1.201-0001.pcap").write_bytes(gzip.decompress(made.recording.read_bytes()))
+    made.recording.unlink()
+    (folder / "gnss.nmea").rename(folder / "gnss-0001.log")
+    text = text.replace(made.recording.name, "lidar-192.168.1.201-0001.pcap").replace("gnss.nmea", "gnss-0001.log")
     made.session.write_text(text, encoding="utf-8")
     return folder
 
