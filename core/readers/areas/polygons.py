@@ -15,6 +15,7 @@ from furrowmap.core.readers.areas.repair import repaired, workable
 from furrowmap.core.readers.isoxml.content import is_task_data, open_task_sets, read_content
 from furrowmap.core.readers.text_table import column_names, is_spreadsheet, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable, read_polygons
+from furrowmap.core.runtime.file_names import resolved
 
 _LONGITUDES: Final = CRS.from_epsg(4326)
 IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
@@ -50,7 +51,7 @@ def open_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> Pol
 def _of_agopengps(folder: Path, unreadable: Unreadable) -> Polygons:
     outline = read_outline(folder, unreadable)
     try:
-        return Polygons((repaired(outline),), ({"name": folder.resolve().name},), _LONGITUDES)
+        return Polygons((repaired(outline),), ({"name": resolved(folder).name},), _LONGITUDES)
     except ValueError as error:
         raise unreadable(str(error)) from None
 
