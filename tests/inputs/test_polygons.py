@@ -256,12 +256,17 @@ def by_parcels(path: Path) -> BaseGeometry:
     return shapely.union_all([parcel.gross for parcel in parcels])
 
 
+def by_net(path: Path) -> BaseGeometry:
+    return shapely.union_all([parcel.net for parcel in read_parcels(path, MAP, net=path)])
+
+
 PLACES: Mapping[str, Callable[[Path], BaseGeometry]] = {
     "--within": by_within,
     "[field] within": by_field_within,
     "[field] boundary": by_boundary,
     "batch --boundaries": by_batch,
     "PARCELS": by_parcels,
+    "--net": by_net,
 }
 
 
