@@ -1,6 +1,6 @@
 """Tool states from a table of times or a machine log, and their comparison with those seen by the scanner."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -21,6 +21,8 @@ NEAR_S: Final = 0.5
 """Shorter differences come from different thresholds of a transition."""
 MAX_LISTED: Final = 5
 MIN_AGREEING_SHARE: Final = 0.98
+SAME_WIDTH: Final = 0.02
+"""Share of its width by which an implement and the line of its sections may differ."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,15 @@ def compare_states(seen: ToolStates, external: ToolStates) -> StateComparison:
     return StateComparison(compared_s, share, spans, mine[rows[first]] == ToolState.DOWN)
 
 
+def _section_notices(states: ToolStates, implement: Implement) -> Iterator[Notice]:
+    """Where the sections do not fit the implement that the session states: their line lies on the tool's line there."""
+    for one in states.sections:
+        if abs(one.width_m - implement.width_m) > SAME_WIDTH * implement.width_m:
+            yield Notice("sections-width", span_m=one.width_m, width_m=implement.width_m)
+        if one.is_drawn:
+            yield Notice("sections-drawn")
+
+
 def external_states(
     paths: Sequence[Path], implement: Implement | None, task: str | None, trajectory: Trajectory
 ) -> tuple[ToolStates | None, tuple[Notice, ...]]:
@@ -103,12 +114,13 @@ def external_states(
     begin_s, end_s = states.begin_s - ahead_s, states.end_s - ahead_s
     open_end = ~np.isfinite(end_s)
     end_s = np.where(open_end, np.maximum(trajectory.t_s[-1], np.nextafter(begin_s, np.inf)), end_s)
-    states = replace(states, begin_s=begin_s, end_s=end_s)
+    sections = tuple(one.later(-ahead_s) for one in states.sections)
+    states = replace(states, begin_s=begin_s, end_s=end_s, sections=sections)
     first_s, last_s = trajectory.span_s
     if not len(states):
         raise InputError("no-states", path=paths[0])
     if states.begin_s[0] < last_s and states.end_s[-1] > first_s:
-        return states, tuple(reader.notices)
+        return states, (*reader.notices, *_section_notices(states, implement))
     stated = ClockReading(Clock.GNSS, float(states.begin_s[0]), float(states.end_s[-1]))
     likely = likely_offset(stated, ClockReading(Clock.GNSS, first_s, last_s))
     raise InputError(

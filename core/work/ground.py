@@ -20,10 +20,37 @@ from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import SIGMA_NAMES, Motion, Trajectory
+from furrowmap.core.work.section_lines import LineParts, line_parts
 from furrowmap.core.work.shapes import Ribbon, areal, close_gaps, grow, join, parts, ribbons
-from furrowmap.core.work.sweep import PassTimes, Sweep, pass_times, sweeps, tool_line, unknown_times
+from furrowmap.core.work.sweep import PassTimes, Sweep, part_sweeps, pass_times, sweeps, tool_line, unknown_times
 
 IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class ForwardRun:
+    """A run forward of the tool's whole line, and the sweeps of the parts of it that work, each with its ribbons."""
+
+    sweep: Sweep
+    parts: tuple[tuple[Sweep, tuple[Ribbon, ...]], ...]
+
+    @property
+    def ribbons(self) -> list[Ribbon]:
+        """Of all parts."""
+        return [ribbon for _, pieces in self.parts for ribbon in pieces]
+
+
+def _runs(
+    trajectory: Trajectory, times: PassTimes, implement: Implement, lines: LineParts | None
+) -> Iterator[ForwardRun]:
+    """The runs of a pass; without parts the whole line works."""
+    if lines is None:
+        for sweep in sweeps(trajectory, times, implement):
+            yield ForwardRun(sweep, ((sweep, tuple(ribbons(sweep))),))
+        return
+    for sweep, found in part_sweeps(trajectory, times, implement, lines.within(times)):
+        yield ForwardRun(sweep, tuple((part, tuple(ribbons(part))) for part in found))
+
 
 HEADING_CORRELATION_S: Final = 3.0
 """Time over which the error of the heading changes, measured on trajectories of the sample recordings."""
@@ -168,6 +195,8 @@ MIN_STRIP_WIDTH_M: Final = 0.02
 """Narrower strips are ignored."""
 MIN_STRIP_AREA_M2: Final = 0.01
 TOUCHES_M: Final = 0.005
+SAME_TIME_S: Final = 1e-5
+"""Between the end of a ribbon and the beginning of that which follows it lies nothing but rounding."""
 
 TURN_RAD: Final = np.radians(60.0)
 """Between two passes whose headings differ by less the tool was lifted, but the machine did not turn."""
@@ -177,17 +206,27 @@ REACH_WIDTHS: Final = 3.0
 INSIDE_SHARE: Final = 0.5
 
 
-def overlapping(runs: Sequence[tuple[int, Sequence[Ribbon]]]) -> dict[tuple[int, int], list[shapely.Polygon]]:
+def overlapping(passes: Sequence[Sequence[ForwardRun]]) -> dict[tuple[int, int], list[shapely.Polygon]]:
     """For each pair of passes the places that both worked, a polygon a place; the earlier pass stands first.
 
     A pass that comes back to its own ground overlaps itself. Ribbons that follow each other in one run do not: where
-    they touch, the tool turned. `runs` are number of the pass and ribbons of each run, in the order of time.
+    they touch, the tool turned, or other sections of it work. `passes` are the runs of each, in the order of time.
     """
-    pieces = np.array([r.polygon for _, ribbons in runs for r in ribbons], object)
-    number = np.array([number for number, ribbons in runs for _ in ribbons], np.intp)
-    run = np.repeat(np.arange(len(runs)), [len(ribbons) for _, ribbons in runs])
+    runs = [(number, run) for number, found in enumerate(passes, start=1) for run in found]
+    rows = [
+        (ribbon.polygon, number, k, sweep.t_s[0] + ribbon.left[0, 2], sweep.t_s[0] + ribbon.left[-1, 2])
+        for k, (number, run) in enumerate(runs)
+        for sweep, pieces in run.parts
+        for ribbon in pieces
+    ]
+    pieces = np.array([row[0] for row in rows], object)
+    number = np.array([row[1] for row in rows], np.intp)
+    run = np.array([row[2] for row in rows], np.intp)
+    begin_s = np.array([row[3] for row in rows], np.float64)
+    end_s = np.array([row[4] for row in rows], np.float64)
     first, second = shapely.STRtree(pieces).query(pieces, predicate="intersects")
-    distinct = (first < second) & ~((run[first] == run[second]) & (second == first + 1))
+    follows = (run[first] == run[second]) & (np.abs(begin_s[second] - end_s[first]) < SAME_TIME_S)
+    distinct = (first < second) & ~follows
     first, second = first[distinct], second[distinct]
     shared = defaultdict(list)
     for a, b, piece in zip(
@@ -248,7 +287,7 @@ def unworked_places(
 
 def zones(
     trajectory: Trajectory,
-    passes: Sequence[Sequence[tuple[Sweep, Sequence[Ribbon]]]],
+    passes: Sequence[Sequence[ForwardRun]],
     implement: Implement,
     boundary: BaseGeometry | None,
 ) -> list[tuple[str, shapely.Polygon]]:
@@ -256,10 +295,10 @@ def zones(
 
     The headland is the ground that turns take up, and whatever was worked mostly on it; the body is all other ground
     worked, with the strips left between its passes. Neither reaches over the field's boundary, where that is known.
-    `passes` are the runs of each pass with their ribbons, in the order of time.
+    `passes` are the runs of each pass, in the order of time.
     """
     turning = shapely.union_all(list(_turns(trajectory, [runs for runs in passes if runs], implement)))
-    pieces = np.array([r.polygon for runs in passes for _, ribbons in runs for r in ribbons], object)
+    pieces = np.array([ribbon.polygon for runs in passes for run in runs for ribbon in run.ribbons], object)
     places = shapely.get_parts(turning)
     piece, place = shapely.STRtree(places).query(pieces, predicate="intersects")
     shared_m2 = shapely.area(shapely.intersection(pieces[piece], places[place]))
@@ -274,12 +313,12 @@ def zones(
 
 
 def _turns(
-    trajectory: Trajectory, passes: Sequence[Sequence[tuple[Sweep, Sequence[Ribbon]]]], implement: Implement
+    trajectory: Trajectory, passes: Sequence[Sequence[ForwardRun]], implement: Implement
 ) -> Iterator[BaseGeometry]:
     """The ground that each turn between two passes takes up: the hull of the tool's line near the passes' ends."""
     reach_m = max(HEADLAND_REACH_M, REACH_WIDTHS * implement.width_m)
     for before, after in pairwise(passes):
-        leaving, coming = before[-1][0], after[0][0]
+        leaving, coming = before[-1].sweep, after[0].sweep
         a, b = leaving.half_m[-1], coming.half_m[0]
         turn = np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)
         if abs(turn) < TURN_RAD:
@@ -459,22 +498,27 @@ def worked_ground(
     """The ground that the tool worked.
 
     Its states and the trajectory of the vehicle frame may have any rate; width and place of the tool's line, and the
-    boundary of the field, are taken as exact.
+    boundary of the field, are taken as exact. While the states of its sections are known, those that are down work.
     """
     times = pass_times(states)
-    work = [[(sweep, ribbons(sweep)) for sweep in sweeps(trajectory, when, implement)] for when in times]
-    runs = [(number, run) for number, pass_ in enumerate(work, start=1) for run in pass_]
-    grounds = [join(r.polygon for _, pieces in pass_ for r in pieces) for pass_ in work]
+    at_work = line_parts(states.sections, implement, ToolState.DOWN)
+    work = [list(_runs(trajectory, when, implement, at_work)) for when in times]
+    runs = [run for pass_ in work for run in pass_]
+    grounds = [join(ribbon.polygon for run in pass_ for ribbon in run.ribbons) for pass_ in work]
     coverage = join(grounds)
-    shared = overlapping([(number, pieces) for number, (_, pieces) in runs])
+    shared = overlapping(work)
     gaps_s = trajectory.gaps_s
     unplaced = [_unplaced_ground(trajectory, gaps_s, when, implement) for when in times]
-    unknown = [sweep for when in unknown_times(states) for sweep in sweeps(trajectory, when, implement)]
-    swept_unknown = shapely.union_all([ribbon.polygon for sweep in unknown for ribbon in ribbons(sweep)])
+    unknown = [run for when in unknown_times(states) for run in _runs(trajectory, when, implement, None)]
+    in_doubt = line_parts(states.sections, implement, ToolState.UNKNOWN)
+    if in_doubt is not None:
+        unknown += [run for when in times for run in _runs(trajectory, when, implement, in_doubt)]
+    swept_unknown = shapely.union_all([ribbon.polygon for run in unknown for ribbon in run.ribbons])
     doubtful = shapely.union_all([swept_unknown, *unplaced])
     strips = missed_strips(coverage, doubtful, implement.width_m, boundary)
     left = unworked_places(coverage, doubtful, strips, boundary)
-    areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs], states.common_share))
+    errors = OutlineErrors(trajectory, [part for run in runs for part in run.parts], states.common_share)
+    areas = _Areas(frame, errors)
     parts = zip(times, work, grounds, areas.measure(grounds, unplaced), strict=True)
     passes = tuple(_pass(number, *part, implement) for number, part in enumerate(parts, start=1))
     pairs = [(pair, place) for pair, places in shared.items() for place in places]
@@ -482,7 +526,7 @@ def worked_ground(
     (worked,) = areas.measure([coverage], [doubtful])
     shared_all = shapely.GeometryCollection([place for _, place in pairs])
     overlap, missing = areas.measure([shared_all, _all(strips)])
-    length_m, moving_s = sum(p.length_m for p in passes), sum(sweep.moving_s for _, (sweep, _) in runs)
+    length_m, moving_s = sum(p.length_m for p in passes), sum(run.sweep.moving_s for run in runs)
     figures = WorkFigures(
         worked=worked,
         swept_m2=sum(p.swept_m2 for p in passes),
@@ -538,13 +582,13 @@ def _unplaced_ground(
 def _pass(
     number: int,
     times: PassTimes,
-    runs: Sequence[tuple[Sweep, Sequence[Ribbon]]],
+    runs: Sequence[ForwardRun],
     ground: shapely.MultiPolygon,
     area: AreaFigure,
     implement: Implement,
 ) -> Pass:
-    length_m = float(sum(sweep.distance_m[-1] for sweep, _ in runs))
-    moving_s = sum(sweep.moving_s for sweep, _ in runs)
+    length_m = float(sum(run.sweep.distance_m[-1] for run in runs))
+    moving_s = sum(run.sweep.moving_s for run in runs)
     return Pass(
         number=number,
         times=times,
@@ -553,7 +597,7 @@ def _pass(
         length_m=length_m,
         width_m=implement.width_m,
         speed_mps=length_m / moving_s if moving_s else float("nan"),
-        swept_m2=float(sum(r.polygon.area for _, pieces in runs for r in pieces)),
+        swept_m2=float(sum(ribbon.polygon.area for run in runs for ribbon in run.ribbons)),
     )
 
 

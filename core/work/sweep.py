@@ -1,7 +1,7 @@
 """Motion of the line of the tool while it is down and moves forward."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +17,8 @@ from furrowmap.core.values.trajectory import Motion, Trajectory
 LINE_EVERY_M: Final = 0.1
 MIN_SWEEP_STEP_M: Final = 0.02
 """Shortest path of work; less is vibration."""
+MIN_PART_M: Final = 1e-6
+"""Parts of a line that follow each other leave no ground between them: shorter is nothing but rounding."""
 MARGIN_S: Final = 2.0
 """How far beyond a pass its path is smoothed, so that the pass itself has no ends of a spline in it."""
 KNOT_EVERY_S: Final = 0.1
@@ -75,8 +77,35 @@ def unknown_times(states: ToolStates) -> list[PassTimes]:
     return [PassTimes(begin, end, math.nan, math.nan) for begin, end in spans if begin < end]
 
 
+@dataclass(frozen=True)
+class LinePart:
+    """A part of the tool's line that keeps its state for a time.
+
+    Attributes:
+        ahead_m: of the middle of the tool's line.
+        left_m: the left end, to the left of that middle.
+        right_m: the right end, to the left of that middle.
+        begin_sigma_s: standard deviation of `begin_s`; nan where unknown.
+    """
+
+    begin_s: float
+    end_s: float
+    ahead_m: float
+    left_m: float
+    right_m: float
+    begin_sigma_s: float
+    end_sigma_s: float
+
+
 def sweeps(trajectory: Trajectory, times: PassTimes, implement: Implement) -> Iterator[Sweep]:
     """The runs forward from `times.begin_s` to `times.end_s`; reversing and gaps of the trajectory part them."""
+    return (whole for whole, _ in part_sweeps(trajectory, times, implement, ()))
+
+
+def part_sweeps(
+    trajectory: Trajectory, times: PassTimes, implement: Implement, parts: Sequence[LinePart]
+) -> Iterator[tuple[Sweep, list[Sweep]]]:
+    """The runs of :func:`sweeps`, each with the sweeps of the parts of the tool's line in it, in their order."""
     t = trajectory.t_s
     first = max(0, int(np.searchsorted(t, times.begin_s - MARGIN_S)) - 1)
     behind = min(len(t), int(np.searchsorted(t, times.end_s + MARGIN_S, side="right")) + 1)
@@ -84,7 +113,7 @@ def sweeps(trajectory: Trajectory, times: PassTimes, implement: Implement) -> It
     for part in np.split(np.arange(first, behind), gaps - first):
         if len(part) < 2 or t[part[0]] >= times.end_s or t[part[-1]] <= times.begin_s:
             continue
-        yield from _Path(trajectory, slice(int(part[0]), int(part[-1]) + 1), implement).runs(times)
+        yield from _Path(trajectory, slice(int(part[0]), int(part[-1]) + 1), implement).runs(times, parts)
 
 
 class _Path:
@@ -105,8 +134,8 @@ class _Path:
         self._motion = trajectory.motion[knots][np.searchsorted(t, t[0] + table[:, 0], side="right") - 1]
         self._half_width_m = 0.5 * implement.width_m
 
-    def runs(self, times: PassTimes) -> Iterator[Sweep]:
-        """The runs forward within a pass."""
+    def runs(self, times: PassTimes, parts: Sequence[LinePart]) -> Iterator[tuple[Sweep, list[Sweep]]]:
+        """The runs forward within a pass, with those of the parts of the line."""
         begin = max(times.begin_s - self._t0, float(self._knots[0]))
         end = min(times.end_s - self._t0, float(self._knots[-1]))
         t = np.concatenate([[begin], self._knots[(self._knots > begin) & (self._knots < end)], [end]])
@@ -124,13 +153,42 @@ class _Path:
                 continue
             from_transition = run[0] == times.begin_s - self._t0
             to_transition = run[-1] == times.end_s - self._t0
-            yield self._sweep(
+            whole = self._sweep(
                 run,
                 way,
                 float(np.diff(run)[moving].sum()),
                 times.begin_sigma_s if from_transition else 0.0,
                 times.end_sigma_s if to_transition else 0.0,
             )
+            found = [self._part_sweep(run, way, part) for part in parts]
+            yield whole, [sweep for sweep in found if sweep is not None]
+
+    def _part_sweep(self, run: FloatArray, way: FloatArray, part: LinePart) -> Sweep | None:
+        """What a part of the line sweeps in a run; None where it does not work or move then."""
+        begin = max(part.begin_s - self._t0, float(run[0]))
+        end = min(part.end_s - self._t0, float(run[-1]))
+        if begin >= end:
+            return None
+        first_m, last_m = np.interp([begin, end], run, way).tolist()
+        if last_m - first_m < MIN_PART_M:
+            return None
+        ways = np.linspace(first_m, last_m, max(2, int(np.ceil((last_m - first_m) / LINE_EVERY_M)) + 1))
+        t = np.interp(ways, way, run)
+        yaw = self._yaw(t)[:, 0]
+        side = np.interp(t, self._knots, self._side)[:, None]
+        forward = np.column_stack([np.cos(yaw), np.sin(yaw)])
+        left = side * np.column_stack([-np.sin(yaw), np.cos(yaw)])
+        middle = self._place(t) + part.ahead_m * forward + 0.5 * (part.left_m + part.right_m) * left
+        speed = np.hypot(*self._place(np.array([begin, end]), 1).T)
+        return Sweep(
+            t_s=t + self._t0,
+            middle_m=np.column_stack([middle, np.interp(t, self._knots, self._height)]) + self._origin,
+            half_m=0.5 * (part.left_m - part.right_m) * left,
+            distance_m=ways - first_m,
+            moving_s=end - begin,
+            begin_slip_m=part.begin_sigma_s * float(speed[0]),
+            end_slip_m=part.end_sigma_s * float(speed[1]),
+        )
 
     def _sweep(
         self, run: FloatArray, way: FloatArray, moving_s: float, begin_sigma_s: float, end_sigma_s: float

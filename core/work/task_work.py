@@ -1,7 +1,7 @@
 """The ground worked in each task of ISO 11783-10 task data: what a machine's own log shows, without a scanner."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +18,7 @@ from furrowmap.core.readers.isoxml.log import LoggedTask, read_tasks, whole_widt
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.trajectory.from_course import CourseTrajectory, trajectory_from_course
+from furrowmap.core.trajectory.towed import towed
 from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M, Crs, Implement
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import Motion
@@ -61,9 +62,11 @@ def task_works(
 ) -> TaskWorks:
     """The ground worked in the tasks of a set of task data.
 
-    The positions logged are taken as those of the middle of the tool: task data rarely say how the two lie to each
-    other, and a shift along the way changes no area. Raises InputError if it cannot be read, no task has positions, or
-    no log says how wide the machine is; RefusedError if the CRS does not fit the place.
+    Sections with states and places work each for itself, where the device description puts them against the positions.
+    Without them the positions are those of the middle of the tool: a shift along the way changes no area.
+
+    Raises InputError if it cannot be read, no task has positions, or no log says how wide the machine is; RefusedError
+    if the CRS does not fit the place.
 
     Args:
         path: of the TASKDATA folder or an archive of it.
@@ -83,12 +86,11 @@ def task_works(
         raise InputError("width-unknown", path=path)
     if width > MAX_IMPLEMENT_WIDTH_M:
         raise InputError("width-implausible.expect-width", width_m=width, widest_m=MAX_IMPLEMENT_WIDTH_M)
-    implement = Implement(width_m=width, xy_m=(0.0, 0.0))
     works = []
     for k, task in enumerate(placed):
         progress("tasks", k / len(placed))
         try:
-            works.append(_work(task, frame, implement))
+            works.append(_work(task, frame, width, use_sections=width_m is None))
         except (InputError, RefusedError) as error:
             if len(placed) == 1:
                 raise
@@ -108,14 +110,28 @@ def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
     return map_frame(Crs(map=choice.code))
 
 
-def _work(task: LoggedTask, frame: MapFrame, implement: Implement) -> TaskWork:
+def _work(task: LoggedTask, frame: MapFrame, width_m: float, *, use_sections: bool) -> TaskWork:
+    """The work of a task: of its sections where they are known, else of a machine so wide, its middle the positions."""
     course = trajectory_from_course(task.track, frame)
     boundary, area_m2 = _boundary(task, frame)
-    work = with_ground(FieldWork(boundary=boundary, external=task.states), implement, course.trajectory, frame)
-    swept, notices = _logged_swept(task, course, implement)
+    states = task.states
+    notices = [*task.notices, *course.notices]
+    sections = task.sections
+    if sections is not None and not use_sections:
+        count = len(sections.sections)
+        notices.append(Notice("sections-unused", source=task.track.source, sections=count, width_m=width_m))
+        states = replace(states, sections=())
+        sections = None
+    implement = Implement(width_m=width_m, xy_m=(0.0, 0.0))
+    if sections is not None:
+        notices += task.placement_notices
+        course = replace(course, trajectory=towed(course.trajectory, sections.links))
+        implement = Implement(width_m=sections.width_m, xy_m=sections.middle_m)
+    work = with_ground(FieldWork(boundary=boundary, external=states), implement, course.trajectory, frame)
+    swept, swept_notices = _logged_swept(task, course, implement, by_sections=sections is not None)
     if work.ground is None:
-        notices.append(Notice("state-unknown", source=task.track.source))
-    return TaskWork(task, frame, course, implement, work, area_m2, swept, (*task.notices, *course.notices, *notices))
+        swept_notices.append(Notice("state-unknown", source=task.track.source))
+    return TaskWork(task, frame, course, implement, work, area_m2, swept, (*notices, *swept_notices))
 
 
 def _boundary(task: LoggedTask, frame: MapFrame) -> tuple[BaseGeometry | None, float]:
@@ -132,8 +148,10 @@ def _boundary(task: LoggedTask, frame: MapFrame) -> tuple[BaseGeometry | None, f
     return on_map, area_m2
 
 
-def _logged_swept(task: LoggedTask, course: CourseTrajectory, implement: Implement) -> tuple[float, list[Notice]]:
-    """Path length times logged width, and a notice where only part of the width worked."""
+def _logged_swept(
+    task: LoggedTask, course: CourseTrajectory, implement: Implement, *, by_sections: bool
+) -> tuple[float, list[Notice]]:
+    """Path length times logged width, and a notice where only part of the width worked, not known by sections."""
     t = course.trajectory
     step_m = np.hypot(*np.diff(t.xyz_m[:, :2], axis=0).T)
     worked = (task.state[course.used][:-1] == ToolState.DOWN) & (np.diff(t.t_s) <= t.max_gap_s)
@@ -146,7 +164,7 @@ def _logged_swept(task: LoggedTask, course: CourseTrajectory, implement: Impleme
     swept = float(np.sum(distance_m * known))
     part = known < FULL_WIDTH * implement.width_m
     missing = float(np.sum(distance_m * np.maximum(implement.width_m - known, 0.0)))
-    if not part.any():
+    if by_sections or not part.any():
         return swept, []
     return swept, [
         Notice(

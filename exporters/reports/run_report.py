@@ -25,7 +25,7 @@ from furrowmap.core.trajectory.motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.scan import PointClass, named_offset
-from furrowmap.core.values.tool_states import ToolState
+from furrowmap.core.values.tool_states import SectionStates, ToolState
 from furrowmap.core.values.trajectory import SIGMA_NAMES
 from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
@@ -292,6 +292,7 @@ def _implement(work: FieldWork) -> dict[str, Any] | None:
         "threshold_m": round(history.threshold_m, 3) if history is not None else None,
         "lifted_m": round(history.lifted_m, 3) if history is not None else None,
         "states_from": "elsewhere" if work.external is not None else "scans",
+        "sections": [figures for one in states.sections for figures in _sections(one)] or None,
         "agreement": {
             "compared_s": round(agreed.compared_s, 1),
             "share": round(agreed.share, 4),
@@ -300,6 +301,19 @@ def _implement(work: FieldWork) -> dict[str, Any] | None:
         if agreed is not None
         else None,
     }
+
+
+def _sections(states: SectionStates) -> list[dict[str, Any]]:
+    """The sections of one implement from left to right, the places of their middles from the middle of all."""
+    return [
+        {
+            "name": section.name,
+            "left_m": round(section.y_m - states.middle_m[1], 3),
+            "width_m": round(section.width_m, 3),
+            "working_s": round(working_s, 1),
+        }
+        for section, working_s in zip(states.sections, states.working_s.tolist(), strict=True)
+    ]
 
 
 def _worked(ground: WorkedGround | None) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from tests.core.readers.test_gsof import epoch, transmission
 from tests.core.readers.test_novatel import BINARY, TEXT, bestnav, bestpos, unicore_binary
 from tests.core.readers.test_sbet import records
 from tests.core.readers.test_sbf import pvt
+from tests.core.work.section_tasks import elements_xml
 from tests.fuzz.mutations import Files
 from tests.fuzz.reading import EACH_WAY, OF_THE_FOLDER
 from tests.fuzz.trials import Entry
@@ -154,6 +155,27 @@ def task_seeds(folder: Path) -> list[Files]:
     body = '<TSK A="TSK1" G="4"><TLG A="TLG00001"/></TSK><DVC A="DVC1"><DET A="DET-1" B="1" C="1" E="0" F="0"/></DVC>'
     log = (header([(141, "DET-1")]), b"".join(row.pack() for row in rows))
     made = task_data(folder / "TASKDATA", body, {"TLG00001": log})
+    return [{path.name: path.read_bytes() for path in sorted(made.iterdir())}, *section_seeds(folder)]
+
+
+def section_seeds(folder: Path) -> list[Files]:
+    """A drawn drill with four sections: condensed states, states of two of them, and widths in the header."""
+    tractor = [("1", 1, 0, {}), ("7", 2, 1, {134: 900, 135: 100}), ("6", 3, 1, {134: -1100, 157: 1})]
+    parts = [("4", 10 + k, 3, {135: 1000 * k - 1500, 134: -1200}) for k in range(4)]
+    drill = [("1", 1, 0, {}), ("6", 2, 1, {134: 4500, 157: 1}), ("2", 3, 1, {}), *parts]
+    machines = elements_xml("DVC-1", tractor, name="tractor") + elements_xml("DVC-2", drill, name="drill")
+    joined = '<CNN A="DVC-1" B="DVC-1-3" C="DVC-2" D="DVC-2-2"/>'
+    names = [f"DVC-2-{10 + k}" for k in range(4)]
+    channels = [(161, "DVC-2-3"), (141, names[0]), (141, names[1]), *((67, name) for name in names)]
+    rows = [
+        Record(
+            29_000_000 + 1000 * k, 16967, {"A": 430500000 + 200 * k, "B": 1413400000, "D": 4}, {0: 85 >> k % 9, 1: 1}
+        )
+        for k in range(15)
+    ]
+    log = header(channels, constants={3 + k: 1000 for k in range(4)}), b"".join(row.pack() for row in rows)
+    body = f'{machines}<TSK A="TSK1" G="4">{joined}<TLG A="TLG00001"/></TSK>'
+    made = task_data(folder / "SECTIONS", body, {"TLG00001": log})
     return [{path.name: path.read_bytes() for path in sorted(made.iterdir())}]
 
 

@@ -28,7 +28,7 @@ from tests.core.geodesy.test_coordinates import QUARTER
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_boundary import RING, agopengps_folder
 from tests.fuzz.mutations import Files
-from tests.fuzz.positions import STATES, mend_nmea, nmea
+from tests.fuzz.positions import STATES, mend_nmea, nmea, section_seeds
 from tests.fuzz.reading import EACH_WAY
 from tests.fuzz.trials import Entry
 
@@ -199,5 +199,6 @@ TEXTS = (
     Entry("session", sessions, read_session, trials=60),
     Entry("task-data-zip", archives, EACH_WAY),
     Entry("fields", worked, lambda path: fields(path.parent), trials=50),
+    Entry("fields-sections", section_seeds, lambda path: fields(path.parent), trials=50),
     Entry("drive", lambda folder: [{"gnss.nmea": nmea(40)}], drive, mend_nmea, trials=60),
 )

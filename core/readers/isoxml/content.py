@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.readers.areas.repair import expect_few_crossings, repaired
+from furrowmap.core.readers.isoxml.devices import DeviceElement, device_elements
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name, leads_out
@@ -209,8 +210,6 @@ EXTERIORS: Final = ("1", "")
 INTERIOR: Final = "2"
 MAX_FIELD_DEG: Final = 1.0
 """No field is wider or higher, in degrees of latitude."""
-PARALLEL: Final = frozenset({"4", "5"})
-"""Types of device elements that are side by side: sections and units."""
 
 
 @dataclass(frozen=True)
@@ -223,18 +222,6 @@ class Partfield:
 
 
 @dataclass(frozen=True)
-class DeviceElement:
-    """A part of a machine, `DET`, and the id of its parent; "" for the machine itself.
-
-    Kinds are 1 device, 2 function, 3 bin, 4 section, 5 unit, 6 connector, 7 navigation reference.
-    """
-
-    id: str
-    kind: str
-    parent: str
-
-
-@dataclass(frozen=True)
 class Task:
     """A task, `TSK`.
 
@@ -242,6 +229,7 @@ class Task:
         partfield: id of its field; "" if it has none.
         logs: names of its time logs without suffix, in the order of the file.
         begins: of its time spans as written, with or without a time zone; "" for an open one.
+        connections: ids of the two connectors of each connection of two machines, `CNN`.
     """
 
     id: str
@@ -249,6 +237,7 @@ class Task:
     partfield: str
     logs: tuple[str, ...]
     begins: tuple[str, ...]
+    connections: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -277,13 +266,7 @@ def read_content(files: TaskFiles) -> TaskData:
         polygons = [p for p in item.all("PLN") if p.get("A") == BOUNDARY_POLYGON]
         boundary = shapely.union_all([_polygon(p, name, notices) for p in polygons])
         partfields.append(Partfield(item.get("A"), name, None if boundary.is_empty else boundary))
-    elements = []
-    for device in (item for item in items if item.tag == "DVC"):
-        parts = list(device.all("DET"))
-        by_number = {part.get("B"): part.get("A") for part in parts}
-        for part in parts:
-            own, parent = part.get("A"), by_number.get(part.get("F"), "")
-            elements.append(DeviceElement(own, part.get("C"), parent if parent != own else ""))
+    elements = [part for item in items if item.tag == "DVC" for part in device_elements(item)]
     return TaskData(
         version=f"{root.get('VersionMajor')}.{root.get('VersionMinor')}",
         maker=maker,
@@ -296,6 +279,7 @@ def read_content(files: TaskFiles) -> TaskData:
                 partfield=item.get("E"),
                 logs=tuple(log.get("A") for log in item.all("TLG")),
                 begins=tuple(span.get("A") for span in item.all("TIM")),
+                connections=tuple((one.get("B"), one.get("D")) for one in item.all("CNN")),
             )
             for item in items
             if item.tag == "TSK"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,6 @@ from furrowmap.core.readers.facts import position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.isoxml.content import (
     MAIN,
-    PARALLEL,
-    DeviceElement,
     Partfield,
     Task,
     TaskData,
@@ -32,6 +30,16 @@ from furrowmap.core.readers.isoxml.content import (
     open_task_sets,
     read_content,
 )
+from furrowmap.core.readers.isoxml.devices import PARALLEL, DeviceElement, ancestors
+from furrowmap.core.readers.isoxml.placement import implement_links
+from furrowmap.core.readers.isoxml.sections import (
+    CONDENSED_STATES,
+    SECTIONS_EACH,
+    WORK_STATE,
+    LoggedSections,
+    StatedValues,
+    read_sections,
+)
 from furrowmap.core.readers.isoxml.time_log import TimeLog, read_time_log
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
@@ -40,16 +48,12 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack, assumed_sigma_m
 from furrowmap.core.values.scan import Clock, ClockReading
+from furrowmap.core.values.sections import Link
 from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M
-from furrowmap.core.values.tool_states import ToolState, ToolStates
+from furrowmap.core.values.tool_states import SectionStates, ToolState, ToolStates
 
 ACTUAL_WIDTH: Final = 67
 """Actual working width, mm; the numbers are those of ISO 11783-11's data dictionary."""
-WORK_STATE: Final = 141
-"""Actual work state: 0 off, 1 on, 2 error, 3 not installed."""
-CONDENSED_STATES: Final = range(161, 177)
-"""Actual condensed work state of sections 1 to 16, 17 to 32 and so on: two bits each, with the same meaning."""
-SECTIONS_EACH: Final = 16
 TOTAL_AREA: Final = 116
 """m²"""
 EFFECTIVE_DISTANCE: Final = 117
@@ -75,7 +79,7 @@ def _logged_work(
         for element, values in log.values_of(TOTAL_AREA)
         if np.isfinite(values).any()
     }
-    topmost = [gain for element, gain in gains.items() if not set(_ancestors(element, elements)) & gains.keys()]
+    topmost = [gain for element, gain in gains.items() if not set(ancestors(element, elements)) & gains.keys()]
     return state, width, float(max(topmost, default=np.nan))
 
 
@@ -93,7 +97,7 @@ def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[N
             own[element] = np.where(any_on == ToolState.UP, ToolState.UP, own[element]).astype(np.int8)
         else:
             own[element] = any_on
-    above = {parent for element in own for parent in _ancestors(element, elements)}
+    above = {parent for element in own for parent in ancestors(element, elements)}
     return {element: state for element, state in own.items() if element not in above}
 
 
@@ -126,7 +130,7 @@ def _width(
         element: np.where((values >= 0.0) & (values <= MAX_IMPLEMENT_WIDTH_M), values, np.nan)
         for element, values in widths.items()
     }
-    topmost = [element for element in widths if not set(_ancestors(element, elements)) & widths.keys()]
+    topmost = [element for element in widths if not set(ancestors(element, elements)) & widths.keys()]
     sections = [e for e in topmost if e in elements and elements[e].kind in PARALLEL]
     width = np.full(len(log), np.nan)
     parallel = np.zeros(len(log))
@@ -137,14 +141,6 @@ def _width(
         else:
             width = np.fmax(width, widths[element])
     return np.fmax(width, parallel) if sections else width
-
-
-def _ancestors(element: str, elements: Mapping[str, DeviceElement]) -> list[str]:
-    """Ids of the parents of an element, the direct one first."""
-    found: list[str] = []
-    while element in elements and (element := elements[element].parent) and element not in found:
-        found.append(element)
-    return found
 
 
 MAX_HOLD_S: Final = 15.0
@@ -167,9 +163,10 @@ class LoggedTask:
     Attributes:
         state: (n,) int8, values of :class:`ToolState`.
         width_m: (n,) working width; nan where unknown.
-        states: states of all records, also those without a position.
+        states: states of all records, also those without a position, with those of the sections if it has some.
         counted_m2: increase of the machine's area counter, summed over all logs; nan if it has none.
         local_minus_utc_s: what was subtracted from the terminal's clock; nan if it is unknown and 0 was used.
+        placement_notices: on how its sections lie to the positions.
     """
 
     id: str
@@ -183,6 +180,12 @@ class LoggedTask:
     local_minus_utc_s: float
     logs: tuple[str, ...]
     notices: tuple[Notice, ...]
+    placement_notices: tuple[Notice, ...] = ()
+
+    @property
+    def sections(self) -> SectionStates | None:
+        """The states of its sections; None where it has none, or not the place of each."""
+        return self.states.sections[0] if self.states.sections else None
 
 
 def read_tasks(path: Path, only: str | None = None) -> tuple[TaskData, list[LoggedTask]]:
@@ -260,10 +263,25 @@ def _read_task(
     logs.sort(key=lambda log: log.clock_s[0])
     local_s = _local_minus_utc_s(files.named(task.id), logs, task, notices)
     work = [_logged_work(log, content.elements, notices) for log in logs]
+    counted = [counted_m2 for _, _, counted_m2 in work if np.isfinite(counted_m2)]
+    stated = StatedValues(logs, content.elements)
+    sections = read_sections(logs, content.elements, stated, notices)
+    placement_notices: list[Notice] = []
+    links: tuple[tuple[Link, ...], bool] = (), False
+    if sections is not None:
+        work = [
+            (*_work_of_sections(table, sections), counter_m2)
+            for table, (_, _, counter_m2) in zip(sections.states, work, strict=True)
+        ]
+        links = implement_links(sections.device, content.elements, task.connections, stated, placement_notices)
     all_states = np.concatenate([np.zeros(0, np.int8), *(state for state, _, _ in work)])
     all_widths = np.concatenate([np.zeros(0), *(width_m for _, width_m, _ in work)])
-    counted = [counted_m2 for _, _, counted_m2 in work if np.isfinite(counted_m2)]
-    track, state, width, states = _join_logs(files.named(task.id), logs, all_states, all_widths, local_s, notices)
+    track, used, record, t_s = _join_logs(files.named(task.id), logs, local_s, notices)
+    states = _intervals(t_s, all_states[record])
+    if sections is not None:
+        states = replace(
+            states, sections=_section_intervals(t_s, np.concatenate(sections.states)[record], sections, *links)
+        )
     if not len(track):
         notices.append(Notice("no-positions.logged", id=files.named(task.id)))
     return LoggedTask(
@@ -271,25 +289,32 @@ def _read_task(
         name=task.name,
         field=content.partfields.get(task.partfield),
         track=track,
-        state=state,
-        width_m=width,
+        state=all_states[used],
+        width_m=all_widths[used],
         states=states,
         counted_m2=float(sum(counted)) if counted else float("nan"),
         local_minus_utc_s=local_s,
         logs=task.logs,
         notices=tuple(notices),
+        placement_notices=tuple(placement_notices),
     )
 
 
+def _work_of_sections(table: NDArray[np.int8], sections: LoggedSections) -> tuple[NDArray[np.int8], FloatArray]:
+    """The state (n,) of the whole implement by that of its sections (n, k), and how much of its width works (n,)."""
+    working = table == ToolState.DOWN
+    state = np.where((table == ToolState.UP).all(axis=1), ToolState.UP, ToolState.UNKNOWN)
+    state = np.where(working.any(axis=1), ToolState.DOWN, state).astype(np.int8)
+    return state, working @ np.array([section.width_m for section in sections.sections])
+
+
 def _join_logs(
-    name: str,
-    logs: Sequence[TimeLog],
-    state: NDArray[np.int8],
-    width_m: FloatArray,
-    local_s: float,
-    notices: list[Notice],
-) -> tuple[GnssTrack, NDArray[np.int8], FloatArray, ToolStates]:
-    """Positions, state and width of records with a position, and the states of all; of equal times the last counts."""
+    name: str, logs: Sequence[TimeLog], local_s: float, notices: list[Notice]
+) -> tuple[GnssTrack, NDArray[np.intp], NDArray[np.intp], FloatArray]:
+    """The positions of the logs, their record among those of all logs, and each record that counts with its UTC.
+
+    Of records of equal times the last counts.
+    """
 
     def column(name: str) -> FloatArray:
         return np.concatenate([np.zeros(0), *(getattr(log, name) for log in logs)])
@@ -300,7 +325,6 @@ def _join_logs(
         notices.append(Notice("time-backwards", name=name, n=len(clock_s) - len(forward)))
     last = forward[np.diff(clock_s[forward], append=np.inf) > 0]
     t_s = clock_s - (local_s if np.isfinite(local_s) else 0.0)
-    states = _intervals(t_s[last], state[last])
     lat = column("lat_deg")
     placed = last[np.isfinite(lat[last])]
     missing = len(last) - len(placed)
@@ -319,38 +343,85 @@ def _join_logs(
         satellites=column("satellites")[placed],
         hdop=column("hdop")[placed],
     )
-    width = width_m[placed]
     try:
         track, here, dropped = drop_implausible_positions(track)
     except InputError as error:
         track, here, dropped = track[:0], np.zeros(len(track), bool), [Notice.from_error(error)]
     notices += dropped
-    return track, state[placed][here], width[here], states
+    return track, placed[here], last, t_s[last]
+
+
+@dataclass(frozen=True)
+class _Intervals:
+    """Runs of records without a change: (m,) the first record of each, begin, end, and the sigmas of these."""
+
+    first: NDArray[np.intp]
+    begin_s: FloatArray
+    end_s: FloatArray
+    begin_sigma_s: FloatArray
+    end_sigma_s: FloatArray
+
+    @classmethod
+    def between(cls, t_s: FloatArray, is_changed: NDArray[np.bool_]) -> Self:
+        """Those of records at times (n,) that change before the next or not (n − 1,).
+
+        A record counts until the next, but not beyond MAX_HOLD_S; a change is uniformly distributed between the two.
+        """
+        step = np.diff(t_s)
+        near = step <= MAX_HOLD_S
+        begins = np.ones(len(t_s), bool)
+        begins[1:] = is_changed | ~near
+        first = np.flatnonzero(begins)
+        last = np.append(first[1:] - 1, len(t_s) - 1) if len(first) else first
+        ends = [t_s[k + 1] if k + 1 < len(t_s) and near[k] else t_s[k] for k in last.tolist()]
+        linked = np.append(False, near)
+        slip = np.append(0.0, step) / np.sqrt(3.0)
+        begin_sigma = [slip[k] if linked[k] else (0.0 if k == 0 else np.nan) for k in first.tolist()]
+        end_sigma = [
+            slip[k + 1] if k + 1 < len(t_s) and near[k] else (0.0 if k + 1 == len(t_s) else np.nan) for k in last
+        ]
+        return cls(
+            first,
+            t_s[first],
+            np.array(ends, np.float64),
+            np.array(begin_sigma, np.float64),
+            np.array(end_sigma, np.float64),
+        )
 
 
 def _intervals(t_s: FloatArray, state: NDArray[np.int8]) -> ToolStates:
-    """The state of each record until the next, unknown beyond MAX_HOLD_S; a change is uniformly distributed between."""
-    step = np.diff(t_s)
-    near = step <= MAX_HOLD_S
-    begins = np.ones(len(t_s), bool)
-    begins[1:] = (state[1:] != state[:-1]) | ~near
-    first = np.flatnonzero(begins)
-    last = np.append(first[1:] - 1, len(t_s) - 1) if len(first) else first
-    ends = [t_s[k + 1] if k + 1 < len(t_s) and near[k] else t_s[k] for k in last.tolist()]
-    linked = np.append(False, near)
-    slip = np.append(0.0, step) / np.sqrt(3.0)
-    begin_sigma = [slip[k] if linked[k] else (0.0 if k == 0 else np.nan) for k in first.tolist()]
-    end_sigma = [slip[k + 1] if k + 1 < len(t_s) and near[k] else (0.0 if k + 1 == len(t_s) else np.nan) for k in last]
-    begin, end = t_s[first], np.array(ends, np.float64)
-    known = (state[first] != ToolState.UNKNOWN) & (end > begin)
+    """The states of records (n,) as intervals of time."""
+    found = _Intervals.between(t_s, state[1:] != state[:-1])
+    known = (state[found.first] != ToolState.UNKNOWN) & (found.end_s > found.begin_s)
     return ToolStates(
-        begin_s=begin[known],
-        end_s=end[known],
-        state=state[first][known],
+        begin_s=found.begin_s[known],
+        end_s=found.end_s[known],
+        state=state[found.first][known],
         confidence=np.ones(int(known.sum())),
-        begin_sigma_s=np.array(begin_sigma, np.float64)[known],
-        end_sigma_s=np.array(end_sigma, np.float64)[known],
+        begin_sigma_s=found.begin_sigma_s[known],
+        end_sigma_s=found.end_sigma_s[known],
     )
+
+
+def _section_intervals(
+    t_s: FloatArray, table: NDArray[np.int8], logged: LoggedSections, links: tuple[Link, ...], is_drawn: bool
+) -> tuple[SectionStates, ...]:
+    """The states (n, k) of sections in records as intervals of time; none without a record that lasts."""
+    found = _Intervals.between(t_s, (table[1:] != table[:-1]).any(axis=1))
+    lasting = found.end_s > found.begin_s
+    if not lasting.any():
+        return ()
+    states = SectionStates(
+        sections=logged.sections,
+        links=links,
+        begin_s=found.begin_s[lasting],
+        end_s=found.end_s[lasting],
+        state=table[found.first][lasting],
+        begin_sigma_s=found.begin_sigma_s[lasting],
+        end_sigma_s=found.end_sigma_s[lasting],
+        is_drawn=is_drawn,
+    )
+    return (states,)
 
 
 def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: list[Notice]) -> float:
@@ -453,7 +524,7 @@ class TaskDataLog(FileReader):
         parts = [task.states for task in self._tasks()]
         names = ("begin_s", "end_s", "state", "confidence", "begin_sigma_s", "end_sigma_s")
         columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-        return ToolStates(**columns)
+        return ToolStates(**columns, sections=tuple(one for part in parts for one in part.sections))
 
     def inspect(self) -> Inspection:
         """Read the whole first set and report what it contains."""
@@ -531,8 +602,23 @@ def _task_facts(task: LoggedTask) -> dict[str, Any]:
         "positions": len(task.track),
         **(utc_facts(task.track.t_s) if len(task.track) else {}),
         "working_s": round(float(length_s[task.states.state == ToolState.DOWN].sum()), 1),
+        "sections": _section_facts(task.sections) if task.sections is not None else None,
         "counted_area_m2": round(task.counted_m2, 1) if np.isfinite(task.counted_m2) else None,
     }
+
+
+def _section_facts(states: SectionStates) -> list[dict[str, Any]]:
+    """The sections from left to right: place of the middle, width, and for how long each worked."""
+    return [
+        {
+            "name": section.name,
+            "left_m": round(section.y_m, 3),
+            "ahead_m": round(section.x_m, 3),
+            "width_m": round(section.width_m, 3),
+            "working_s": round(working_s, 1),
+        }
+        for section, working_s in zip(states.sections, states.working_s.tolist(), strict=True)
+    ]
 
 
 def _notices(content: TaskData, tasks: Sequence[LoggedTask]) -> tuple[Notice, ...]:

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.isoxml.devices import INT32
 from furrowmap.core.readers.isoxml.xml import parse_xml
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -29,7 +30,6 @@ DAY_NOT_AVAILABLE: Final = 0xFFFE
 """From this on a day is an error or not available."""
 ANY_DAY: Final = -1
 LONGEST_LOG_DAYS: Final = 366
-INT32: Final = np.iinfo(np.int32)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
+from tests.core.work.section_tasks import CRS, drawn_drill, straight_boom
 
 SESSION = """furrowmap = 1
 name = "Harvest"
@@ -132,3 +133,32 @@ def test_part_of_a_recording__is_as_in_the_whole_of_it(folder: Path) -> None:
     assert part.geometry.distance(inside.geometry.reset_index(drop=True)).median() < 0.01
     again = parse_session((folder / "part/session.toml").read_text()).recording
     assert again.span_s == (first.timestamp(), last.timestamp())
+
+
+def test_sections__of_task_data_in_a_session(tmp_path: Path) -> None:
+    """The line of the sections lies on the tool's line of the session; the report lists them."""
+    task = straight_boom(tmp_path / "TASKDATA")
+    text = SESSION.format(states="TASKDATA").replace("EPSG:32632", CRS).replace('task = "TSK20"', "")
+    session = tmp_path / "session.toml"
+    session.write_text(text.replace("width_m = 9.0", "width_m = 24.0").replace("xy_m = [0.0", "xy_m = [-2.0"))
+    found = furrowmap.run(session, tmp_path / "result")
+    (worked,) = task.worked
+    report = found.report["figures"]
+    assert report["worked_area_m2"] == pytest.approx(worked.area_m2, rel=0.005)
+    assert abs(report["overlap_area_m2"] - worked.overlap_m2) < 0.002 * task.field_m.area
+    sections = report["implement"]["sections"]
+    assert [(one["left_m"], one["width_m"]) for one in sections] == [(10.5 - 3.0 * k, 3.0) for k in range(8)]
+    assert "Sections" in (tmp_path / "result/report.html").read_text(encoding="utf-8")
+    assert not {"sections-width", "sections-drawn"} & {one["code"] for one in found.report["warnings"]}
+    session.write_text(text.replace("width_m = 9.0", "width_m = 20.0"))
+    assert "sections-width" in {notice.code for notice in run_alone(session).notices}
+
+
+def test_sections__of_a_drawn_implement_are_rigid_in_a_session(tmp_path: Path) -> None:
+    drawn_drill(tmp_path / "TASKDATA")
+    text = SESSION.format(states="TASKDATA").replace("EPSG:32632", CRS).replace('task = "TSK20"', "")
+    (tmp_path / "session.toml").write_text(text.replace("width_m = 9.0", "width_m = 6.0"))
+    found = run_alone(tmp_path / "session.toml")
+    assert "sections-drawn" in {notice.code for notice in found.notices}
+    assert found.work.ground is not None
+    assert found.work.ground.figures.passes > 0
