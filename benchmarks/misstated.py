@@ -73,7 +73,7 @@ BLAMES = {
     "mounting-height": "mounting",
     "clock-offset": "clock",
     "gnss-frozen": "positions",
-    "gnss-heights": "positions",
+    "gnss-height": "positions",
     "boundary-apart": "boundary",
     "tool-apart": "tool",
     "elevations-off": "model",

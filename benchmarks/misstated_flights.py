@@ -54,7 +54,8 @@ AT_TOP = {
     "camera-residuals": "camera",
     "images-not-adjusted": "camera",
     "images-unreadable": "camera",
-    "control-points-unseen": "control",
+    "control-points-off": "control-points",
+    "control-points-unseen": "control-points",
 }
 """Codes of what was found and mended, or left out, which reports show beside the verdict, and what they name."""
 DEGREE_M = 111_195.0
@@ -297,14 +298,18 @@ def _mounted(rpy_deg: Sequence[float]) -> Rotation:
 
 
 def _points(folder: Path, _: Mapping[str, Any], what: Mapping[str, Any]) -> None:
-    """Exchange the heights of the first two surveyed points of a file, or move all."""
+    """Change a file of surveyed points: heights of the first two exchanged, all or `only` one of them moved, axes."""
     path = folder / what["file"]
     head, *rows = path.read_text(encoding="utf-8").splitlines()
     cells = [row.split(",") for row in rows]
     if what.get("swapped"):
         cells[0][3], cells[1][3] = cells[1][3], cells[0][3]
-    for row in cells:
-        row[3] = f"{float(row[3]) + what.get('up_m', 0.0):.3f}"
+    for number, row in enumerate(cells):
+        if what.get("only", number) == number:
+            for column, axis in ((1, "east_m"), (2, "north_m"), (3, "up_m")):
+                row[column] = f"{float(row[column]) + what.get(axis, 0.0):.3f}"
+        if what.get("axes") == "exchanged":
+            row[1], row[2] = row[2], row[1]
     path.write_text("\n".join([head, *(",".join(row) for row in cells)]) + "\n", encoding="utf-8")
 
 

@@ -5,6 +5,7 @@ the lasers' ranges). Heights of cells at each time are observations of three ang
 lasers, and a height of each window of time for what the trajectory is off; the heights of the cells are eliminated.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -352,6 +353,29 @@ def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]
             )
         )
     return notices
+
+
+def held_against_mounting(
+    trajectory: Trajectory, found: Boresight, camera_deg: float = math.inf
+) -> tuple[Trajectory, Notice | None]:
+    """The trajectory with larger standard deviations of the attitude where the IMU may be turned, and the notice.
+
+    The ground shows by how much the scanner is turned against the IMU, not which of the two is as stated; a camera
+    that is as stated says that the IMU is.
+
+    Args:
+        camera_deg: angle between the stated mounting of a camera and the one that its images show; inf without.
+    """
+    if not found.certain:
+        apart = found.lies_apart
+        return trajectory, Notice("contradiction.ground", scatter_m=found.scatter_m[1]) if apart else None
+    if min(found.turned_deg, camera_deg) < MAX_DRAWN_DEG:
+        return trajectory, None
+    sigma = trajectory.sigma.copy()
+    sigma[:, 3:] = np.hypot(sigma[:, 3:], np.abs(found.correction_deg))
+    angles = ", ".join(f"{angle:.1f}" for angle in found.correction_deg)
+    notice = Notice("contradiction.mounting", turned_deg=found.turned_deg, angles=angles)
+    return replace(trajectory, sigma=sigma), notice
 
 
 def held_against_strips(

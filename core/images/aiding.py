@@ -19,10 +19,11 @@ from furrowmap.core.images.block_adjustment import (
     meeting_angles,
     triangulate,
 )
+from furrowmap.core.images.control_agreement import ControlAgreement, held_against_poses
 from furrowmap.core.images.control_points import ControlPoints, control_views, join_views
 from furrowmap.core.images.features import ImageFeatures, find_features, match_features
 from furrowmap.core.images.frames import frame_poses
-from furrowmap.core.images.projection import inside, unproject
+from furrowmap.core.images.projection import inside, project, unproject
 from furrowmap.core.images.ties import Ties, overlapping, seen_in, thin_ties, tracks
 from furrowmap.core.readers.exif import image_size
 from furrowmap.core.runtime.arrays import FloatArray
@@ -54,8 +55,35 @@ WARN_TENSION: Final = 2.0
 """Of a flight whose camera is as stated it is 0.8 to 1.3."""
 WARN_SIGMAS: Final = 2.0
 """Mounting and delay that differ from the stated ones by more of their standard deviations give a warning."""
+MAX_NAMED: Final = 5
+"""Control points that a notice names."""
 MAX_TENSION: Final = 3.0
 """Errors found in the poses, in standard deviations of what GNSS and IMU leave open, beyond which they contradict."""
+
+
+@dataclass(frozen=True)
+class LeftOutPoint:
+    """A control point that takes no part: seen in so many images, `off_m` (3,) from where it was surveyed."""
+
+    name: str
+    images: int
+    off_m: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ControlledBlock:
+    """A block with control points.
+
+    Attributes:
+        known: the points that place it.
+        left_out: those that contradict them or the poses.
+        control_shift_m: (3,) by which all points contradict the poses alike; None where they do not.
+    """
+
+    adjusted: AdjustedBlock
+    known: Known = NOTHING_KNOWN
+    left_out: tuple[LeftOutPoint, ...] = ()
+    control_shift_m: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -63,7 +91,7 @@ class ImageAid:
     """What images made of a trajectory.
 
     Attributes:
-        adjusted: camera, errors of the poses, residuals.
+        control: the adjusted block: camera, errors of the poses, residuals, and control points.
         before: errors of the poses as GNSS and IMU know them.
         shift_m: (3,) mean of the exposures' places after the adjustment minus before.
         shift_sigma_m: (3,) standard deviations of the place of the block as a whole.
@@ -71,11 +99,15 @@ class ImageAid:
 
     trajectory: Trajectory
     images: int
-    adjusted: AdjustedBlock
+    control: ControlledBlock
     before: PoseErrors
-    known: Known
     shift_m: tuple[float, ...]
     shift_sigma_m: tuple[float, ...]
+
+    @property
+    def adjusted(self) -> AdjustedBlock:
+        """The block with the control points that agree."""
+        return self.control.adjusted
 
     @property
     def camera(self) -> Camera:
@@ -85,7 +117,7 @@ class ImageAid:
     @property
     def _ties(self) -> NDArray[np.bool_]:
         """(o,) the observations that are not of control points."""
-        out: NDArray[np.bool_] = ~np.isin(self.adjusted.ties.point, self.known.point)
+        out: NDArray[np.bool_] = ~np.isin(self.adjusted.ties.point, self.control.known.point)
         return out
 
     @property
@@ -95,14 +127,18 @@ class ImageAid:
         return float(np.sqrt((self.adjusted.residual_px[chosen] ** 2).sum(axis=1).mean()))
 
     def control_residuals(self) -> list[dict[str, Any]]:
-        """Adjusted minus surveyed place, and residuals, of each control point."""
-        a = self.adjusted
-        out = []
-        for name, point, xyz_m in zip(self.known.name, self.known.point.tolist(), self.known.xyz_m, strict=True):
+        """Adjusted minus surveyed place, and residuals, of each control point; those that take no part have none."""
+        a, known = self.adjusted, self.control.known
+        out: list[dict[str, Any]] = []
+        for name, point, xyz_m in zip(known.name, known.point.tolist(), known.xyz_m, strict=True):
             own = a.ties.point == point
             rms = float(np.sqrt((a.residual_px[own] ** 2).sum(axis=1).mean()))
             off = np.round(a.xyz_m[point] - xyz_m, 4).tolist()
-            out.append({"name": name, "images": int(own.sum()), "residual_px": round(rms, 3), "off_m": off})
+            images = int(own.sum())
+            out.append({"name": name, "images": images, "residual_px": round(rms, 3), "off_m": off, "used": True})
+        for one in self.control.left_out:
+            off = np.round(one.off_m, 4).tolist()
+            out.append({"name": one.name, "images": one.images, "residual_px": None, "off_m": off, "used": False})
         return out
 
     def sigmas(self) -> tuple[FloatArray, FloatArray]:
@@ -183,21 +219,22 @@ def aid_by_images(
             notices.append(ties)
             return located, None
         progress("adjusting images", 0.0)
-        adjusted, known = adjust_block(block, ties), NOTHING_KNOWN
-        if control is not None and doubtful(adjusted) is None:
-            adjusted, known = with_control(block, adjusted, control, images, notices)
+        controlled = ControlledBlock(adjust_block(block, ties))
+        if control is not None and doubtful(controlled.adjusted) is None:
+            controlled = with_control(block, controlled.adjusted, control, images, notices)
     except (np.linalg.LinAlgError, RuntimeError, ValueError) as error:
         notices.append(unused(f"the adjustment failed ({error})"))
         return located, None
     progress("adjusting images", 1.0)
+    adjusted = controlled.adjusted
     doubt = doubtful(adjusted)
     if doubt is not None:
         notices.append(contradicting(doubt))
         return located, None
     notices += camera_notices(adjusted, camera)
-    aid = _aid(block, adjusted, known)
+    aid = _aid(block, controlled)
     after = PoseErrors(adjusted.found.t_s, np.zeros_like(adjusted.found.value), adjusted.found.covariance)
-    kept = notices_beside(located.notices, known)
+    kept = notices_beside(located.notices, controlled.known)
     return replace(located, trajectory=aid.trajectory, notices=kept, pose_errors=lambda _: after), aid
 
 
@@ -312,14 +349,63 @@ def _well_met(block: ImageBlock, ties: Ties) -> Ties:
 
 def with_control(
     block: ImageBlock, adjusted: AdjustedBlock, control: ControlPoints, images: Images, notices: list[Notice]
-) -> tuple[AdjustedBlock, Known]:
-    """The adjustment with control points; as it was where none is seen."""
+) -> ControlledBlock:
+    """The adjustment with the control points that agree; as it was where there are none.
+
+    Args:
+        adjusted: the block without control points.
+        notices: which points are not seen or do not agree is added.
+    """
     views = control_views(control, block, adjusted, images.paths)
     if views is None:
         notices.append(Notice("control-points-unseen", control=len(control.name)))
-        return adjusted, NOTHING_KNOWN
-    ties, known = join_views(adjusted.ties, *views)
-    return adjust_block(block, ties, known), known
+        return ControlledBlock(adjusted)
+    seen, known = views
+    notices += _unseen(control, known, block, adjusted)
+    agreement = held_against_poses(block, adjusted, seen, known)
+    notices += control_notices(known.name, agreement)
+    kept = agreement.kept
+    shift_m = None if agreement.shift_m is None else tuple(agreement.shift_m.tolist())
+    number = np.bincount(seen.point)
+    left_out = tuple(
+        LeftOutPoint(known.name[k], int(number[k]), tuple((-agreement.off_m[k]).tolist()))
+        for k in np.flatnonzero(~kept).tolist()
+    )
+    if not kept.any():
+        return ControlledBlock(adjusted, NOTHING_KNOWN, left_out, shift_m)
+    names = tuple(known.name[k] for k in np.flatnonzero(kept).tolist())
+    agreeing = Known(np.arange(len(names)), known.xyz_m[kept], known.sigma_m[kept], names)
+    ties, joined = join_views(adjusted.ties, seen.chosen(kept[seen.point]), agreeing)
+    return ControlledBlock(adjust_block(block, ties, joined), joined, left_out, shift_m)
+
+
+def _unseen(control: ControlPoints, known: Known, block: ImageBlock, adjusted: AdjustedBlock) -> list[Notice]:
+    """The notice of points that images should show, and do not."""
+    poses = adjusted_poses(block, adjusted)
+    shown = np.zeros(len(control.name), np.int64)
+    for k in range(len(poses)):
+        pixel = project(adjusted.camera, poses.in_frame(k, control.xyz_m))
+        shown += inside(adjusted.camera, np.nan_to_num(pixel, nan=-1e9))
+    lacking = [name for name, images in zip(control.name, shown, strict=True) if images >= 2 and name not in known.name]
+    return [Notice("control-points-unseen.some", names=", ".join(lacking))] if lacking else []
+
+
+def control_notices(names: Sequence[str], agreement: ControlAgreement) -> list[Notice]:
+    """What is said of control points that contradict the poses or each other."""
+    if agreement.kept.all():
+        return []
+    if agreement.shift_m is not None:
+        east_m, north_m, up_m = agreement.shift_m.tolist()
+        shift = {"east_m": east_m, "north_m": north_m, "up_m": up_m}
+        return [Notice("control-points-contradict.shift", alike=agreement.alike, control=len(names), **shift)]
+    left_out = np.flatnonzero(~agreement.kept).tolist()
+    points = "; ".join(
+        f"{names[k]} [{', '.join(f'{off:+.3f}' for off in agreement.off_m[k].tolist())}]" for k in left_out[:MAX_NAMED]
+    )
+    figures = {"points": points, "more": len(left_out) > MAX_NAMED}
+    if agreement.kept.any():
+        return [Notice("control-points-off", left_out=len(left_out), control=len(names), **figures)]
+    return [Notice("control-points-contradict", **figures)]
 
 
 def doubtful(adjusted: AdjustedBlock) -> str | None:
@@ -338,7 +424,8 @@ def doubtful(adjusted: AdjustedBlock) -> str | None:
     return None
 
 
-def _aid(block: ImageBlock, adjusted: AdjustedBlock, known: Known) -> ImageAid:
+def _aid(block: ImageBlock, controlled: ControlledBlock) -> ImageAid:
+    adjusted = controlled.adjusted
     found, exposed_s = adjusted.found, adjusted_poses(block, adjusted).t_s
     nodes = len(found.t_s)
     # The mean over all exposures of what is interpolated between the nodes.
@@ -349,9 +436,8 @@ def _aid(block: ImageBlock, adjusted: AdjustedBlock, known: Known) -> ImageAid:
     return ImageAid(
         without_errors(block.trajectory, block.errors, found),
         len(block.t_s),
-        adjusted,
+        controlled,
         block.errors,
-        known,
         tuple(shift.tolist()),
         tuple(np.sqrt(np.diag(variance)).tolist()),
     )

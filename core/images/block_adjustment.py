@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -82,6 +83,7 @@ class AdjustedBlock:
         sigma_deg: (3,) its standard deviations.
         delay_sigma_s: standard deviation of the delay.
         found: errors of the poses at the nodes, and their covariance with the images.
+        covariance: (4 + 6 m,) squared, of boresight, delay, and the errors of the poses.
         used: (o,) which of them were used to the end.
         residual_px: (o, 2) of each.
         xyz_m: (p, 3) of the points.
@@ -94,6 +96,7 @@ class AdjustedBlock:
     sigma_deg: tuple[float, float, float]
     delay_sigma_s: float
     found: PoseErrors
+    covariance: FloatArray
     ties: Ties
     used: NDArray[np.bool_]
     residual_px: FloatArray
@@ -263,10 +266,41 @@ def meeting_angles(poses: FramePoses, camera: Camera, ties: Ties) -> FloatArray:
 
 def adjusted_poses(block: ImageBlock, adjusted: AdjustedBlock) -> FramePoses:
     """Poses of the optical frame by the adjustment."""
+    return _poses(block, _state_of(block, adjusted))
+
+
+def place_by_images(block: ImageBlock, adjusted: AdjustedBlock, ties: Ties) -> tuple[FloatArray, FloatArray]:
+    """Where the adjusted poses see points (p, 3) that took no part, and the covariance (3 p, 3 p) of these places.
+
+    Where residuals are larger than `ties` states, the views are as uncertain as these.
+    """
+    start = triangulate(adjusted_poses(block, adjusted), adjusted.camera, ties)
+    rows = _rows(block, replace(_state_of(block, adjusted), xyz_m=start), ties)
+    begin = np.flatnonzero(np.diff(ties.point, prepend=-1))
+    weight = rows.usable / ties.sigma_px**2
+    normal = np.add.reduceat(np.einsum("o,oak,oam->okm", weight, rows.by_point, rows.by_point), begin)
+    # A point whose rays are parallel is uncertain by a kilometre.
+    inverse = np.linalg.inv(normal + 1e-6 * np.eye(3))
+    pull = np.add.reduceat(np.einsum("o,oak,oa->ok", weight, rows.by_point, rows.residual), begin)
+    places = start + np.einsum("pkm,pm->pk", inverse, pull)
+    residual = rows.residual - np.einsum("oak,ok->oa", rows.by_point, (places - start)[ties.point])
+    freedom = max(2 * len(ties) - 3 * ties.points, 1)
+    factor = max(1.0, float((weight[:, None] * residual**2).sum()) / freedom)
+    by_unknowns = np.zeros((ties.points, 3, len(adjusted.covariance)))
+    width = rows.design.shape[2]
+    for o, point in enumerate(ties.point.tolist()):
+        columns = np.append(np.arange(CAMERA_UNKNOWNS), rows.first[o] + np.arange(width - CAMERA_UNKNOWNS))
+        by_unknowns[point][:, columns] -= weight[o] * inverse[point] @ rows.by_point[o].T @ rows.design[o]
+    jacobian = by_unknowns.reshape(3 * ties.points, -1)
+    return places, jacobian @ adjusted.covariance @ jacobian.T + scipy.linalg.block_diag(*(factor * inverse))
+
+
+def _state_of(block: ImageBlock, adjusted: AdjustedBlock) -> _BlockState:
+    """The unknowns of an adjustment, without points."""
     correction = adjusted.camera.mounting.rotation @ block.camera.mounting.rotation.T
     delay_s = adjusted.camera.shutter_delay_s - block.camera.shutter_delay_s
     fixed = np.append(Rotation.from_matrix(correction).as_rotvec(), delay_s)
-    return _poses(block, _BlockState(fixed, adjusted.found.value.ravel(), np.zeros((0, 3)), np.zeros(0)))
+    return _BlockState(fixed, adjusted.found.value.ravel(), np.zeros((0, 3)), np.zeros(0))
 
 
 def _poses(block: ImageBlock, state: _BlockState) -> FramePoses:
@@ -426,6 +460,7 @@ def _result(
         (sx, sy, sz),
         float(sigma[DELAY]),
         found,
+        covariance,
         ties,
         weight > 0.0,
         rows.residual,

@@ -16,7 +16,13 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.adjustment.boresight import MAX_DRAWN_DEG, Boresight, boresight_notices, held_against_strips
+from furrowmap.core.adjustment.boresight import (
+    MAX_DRAWN_DEG,
+    Boresight,
+    boresight_notices,
+    held_against_mounting,
+    held_against_strips,
+)
 from furrowmap.core.adjustment.height_creep import held_against_heights
 from furrowmap.core.adjustment.model_by_strips import LikelierModel, likelier_model
 from furrowmap.core.adjustment.strip_adjustment import (
@@ -137,7 +143,7 @@ def run(
     mounting_doubts: list[Notice] = []
     if located.source == "imu" and matched is None:
         located, mounting_doubts = _held_against_mounting(located, flown.boresight, aid)
-    located = _held_against_geoid(located, positions.notices)
+    located = _held_against_control(_held_against_geoid(located, positions.notices), aid)
     if located.trajectory is not guess.trajectory:
         carrier, mount_notices = _carrier_trajectory(opened, located, flown.strip_adjustment)
     watch.lap("matching")
@@ -532,32 +538,31 @@ def _boresight_notices(found: Boresight | None, stated: Mounting, located: Locat
 def _held_against_mounting(
     located: Located, found: Boresight | None, aid: ImageAid | None
 ) -> tuple[Located, list[Notice]]:
-    """The trajectory with larger standard deviations of the attitude where the IMU may be turned, and why.
-
-    The ground shows by how much the scanner is turned against the IMU, not which of the two is as stated; a camera
-    that is as stated says that the IMU is.
-    """
-    if found is not None and not found.certain and found.lies_apart and not _contradicts(located):
-        return located, [Notice("contradiction.ground", scatter_m=found.scatter_m[1])]
-    turned_deg = found.turned_deg if found is not None and found.certain else 0.0
-    camera_deg = float(np.linalg.norm(aid.adjusted.correction_deg)) if aid is not None else np.inf
-    if turned_deg < MAX_DRAWN_DEG or camera_deg < MAX_DRAWN_DEG:
+    """The trajectory with larger standard deviations of the attitude where the IMU may be turned, and why."""
+    if found is None or (_contradicts(located) and not found.certain):
         return located, []
-    sigma = located.trajectory.sigma.copy()
-    assert found is not None
-    sigma[:, 3:] = np.hypot(sigma[:, 3:], np.abs(found.correction_deg))
-    angles = ", ".join(f"{angle:.1f}" for angle in found.correction_deg)
-    notice = Notice("contradiction.mounting", turned_deg=turned_deg, angles=angles)
-    return replace(located, trajectory=replace(located.trajectory, sigma=sigma)), [notice]
+    camera_deg = float(np.linalg.norm(aid.adjusted.correction_deg)) if aid is not None else np.inf
+    trajectory, notice = held_against_mounting(located.trajectory, found, camera_deg)
+    return replace(located, trajectory=trajectory), [notice] if notice is not None else []
 
 
 def _held_against_geoid(located: Located, notices: Sequence[Notice]) -> Located:
-    """The trajectory with larger standard deviations of the heights where these may lack the geoid's."""
+    """The trajectory with larger standard deviations of the heights where these, or a part, may lack the geoid's."""
     off_m = [float(str(dict(notice.values)["off_m"])) for notice in notices if notice.code == "geoid-separation"]
-    if not off_m:
+    most_m = max(located.height_levels_m, *off_m, 0.0)
+    if not most_m:
         return located
     sigma = located.trajectory.sigma.copy()
-    sigma[:, 2] = np.hypot(sigma[:, 2], max(off_m))
+    sigma[:, 2] = np.hypot(sigma[:, 2], most_m)
+    return replace(located, trajectory=replace(located.trajectory, sigma=sigma))
+
+
+def _held_against_control(located: Located, aid: ImageAid | None) -> Located:
+    """The trajectory with larger standard deviations where all control points contradict it alike."""
+    if aid is None or aid.control.control_shift_m is None:
+        return located
+    sigma = located.trajectory.sigma.copy()
+    sigma[:, :3] = np.hypot(sigma[:, :3], aid.control.control_shift_m)
     return replace(located, trajectory=replace(located.trajectory, sigma=sigma))
 
 
@@ -583,6 +588,7 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     located = _held_against_geoid(located, positions.notices)
     aid_notices: list[Notice] = []
     located, aid = _aid_by_images(opened, located, aid_notices, progress)
+    located = _held_against_control(located, aid)
     boundary, field_notices = _read_boundary(opened, located.trajectory)
     states, state_notices = _read_external_states(opened, located.trajectory)
     watch.lap("positions")

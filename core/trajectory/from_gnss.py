@@ -15,6 +15,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice, RefusedError
+from furrowmap.core.trajectory.height_steps import without_height_steps
 from furrowmap.core.trajectory.held_positions import held_against_motion, without_held
 from furrowmap.core.trajectory.kinematic import EpochMeasurements, PathEpochs, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
@@ -60,6 +61,7 @@ class GnssTrajectory:
         positions: of the antenna, those that were used.
         used: positions used, by quality label.
         unused: positions left out, by reason.
+        height_levels_m: by how much the levels of heights differ that were put on one.
     """
 
     trajectory: Trajectory
@@ -67,6 +69,7 @@ class GnssTrajectory:
     used: dict[str, int]
     unused: dict[str, int]
     notices: tuple[Notice, ...]
+    height_levels_m: float
 
     @property
     def counts(self) -> dict[str, dict[str, int]]:
@@ -92,6 +95,7 @@ def trajectory_from_gnss(
     gated, unused = usable(track, fixes, notices)
     gated = without_held(gated, unused, notices)
     judge_rate(gated, notices)
+    gated, levels_m = without_height_steps(gated, notices, lasting=True)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     gated, en = without_jumps(gated, en, unused, notices)
     gated = held_against_motion(gated, en, notices)
@@ -144,7 +148,7 @@ def trajectory_from_gnss(
         fix=gated.fix[grid.nearest],
         sigma=with_vague_headings(_with_tilt(path.sigma, lever_m), np.asarray(lever_m, np.float64)),
     )
-    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices))
+    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices), levels_m)
 
 
 def _antennas_heading(

@@ -365,13 +365,12 @@ def trajectory_from_inertial(
         notices.append(contradiction)
     notices += turned
     trajectory = _as_doubtful(trajectory, found, contradiction, turned)
-    trajectory.sigma[:, 2] = np.hypot(trajectory.sigma[:, 2], levels_m)
     far = np.nan_to_num(adjusted.observed.normalised(adjusted.problem.knots, adjusted.state)) > FAR_OFF_SIGMAS
     if contradiction is None and far.any():
         notices.append(Notice("gnss-jumps.by-imu", unused=int(far.sum()), track=spans_in_words(gated, far)))
     used = quality_words(gated.fix)
     figures = _figures(adjusted, clocked)
-    return InertialTrajectory(trajectory, positions, used, unused, tuple(notices), figures, adjusted)
+    return InertialTrajectory(trajectory, positions, used, unused, tuple(notices), levels_m, figures, adjusted)
 
 
 def _adjusted(

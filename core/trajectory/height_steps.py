@@ -2,7 +2,8 @@
 
 Logs that hold ellipsoidal heights in one part and altitudes in another, receivers that were restarted with another
 geoid, and bases that were moved make such steps. Alignment and adjustment need a height that goes on, so that the parts
-are put on the level that most of the positions have. Which level is right, no step says.
+are put on the level that most of the positions have. Which level is right, no step says: heights are as uncertain as
+the levels differ.
 """
 
 from dataclasses import replace
@@ -29,14 +30,16 @@ AROUND: Final = (-3, -2, -1, 1, 2, 3)
 """Intervals beside one, whose median speed of climb is that of the vehicle."""
 
 
-def without_height_steps(track: GnssTrack, notices: list[Notice]) -> tuple[GnssTrack, float]:
+def without_height_steps(track: GnssTrack, notices: list[Notice], *, lasting: bool = False) -> tuple[GnssTrack, float]:
     """The track with heights on one level, and by how much the levels differ at most; 0 where there is one.
 
     Args:
         track: positions with heights, in the order of time.
         notices: get one about steps.
+        lasting: whether levels of few positions, and steps between positions of different quality, are left: outliers,
+            and errors of float solutions, which have standard deviations of their own.
     """
-    if len(track) < MIN_POSITIONS_FOR_STEPS:
+    if len(track) < MIN_POSITIONS_FOR_STEPS or not np.isfinite(track.height_m).all():
         return track, 0.0
     step_s = np.diff(track.t_s)
     climb_mps = np.diff(track.height_m) / step_s
@@ -48,14 +51,20 @@ def without_height_steps(track: GnssTrack, notices: list[Notice]) -> tuple[GnssT
     reach_m = np.maximum(HEIGHT_JUMP_FLOOR_M, JUMP_SIGMAS * np.maximum(sigma_m[1:], sigma_m[:-1]))
     reach_m += 0.5 * MAX_CLIMB_ACCELERATION_MPS2 * step_s**2
     steps = np.flatnonzero((np.abs(step_m) > reach_m) & (step_s < MAX_STEP_INTERVALS * np.median(step_s)))
+    if lasting:
+        steps = steps[track.fix[steps] == track.fix[steps + 1]]
     if not len(steps):
         return track, 0.0
     level = np.zeros(len(track), np.intp)
     level[steps + 1] = 1
     level = np.cumsum(level)
     level_m = np.append(0.0, np.cumsum(step_m[steps]))
-    level_m -= level_m[np.argmax(np.bincount(level))]
-    most_m = float(np.abs(level_m).max())
+    positions = np.bincount(level)
+    level_m -= level_m[np.argmax(positions)]
+    counts = positions >= (MIN_POSITIONS_FOR_STEPS if lasting else 1)
+    most_m = float(np.abs(level_m[counts]).max(initial=0.0))
+    if most_m < HEIGHT_JUMP_FLOOR_M:
+        return track, 0.0
     notices.append(
         Notice(
             "gnss-height-steps",

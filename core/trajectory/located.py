@@ -31,6 +31,7 @@ from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_gnss
 from furrowmap.core.trajectory.from_inertial import InertialFigures, trajectory_from_inertial
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
+from furrowmap.core.trajectory.height_steps import without_height_steps
 from furrowmap.core.trajectory.held_positions import without_held
 from furrowmap.core.trajectory.inertial_start import Hints, MountedImu, site_of
 from furrowmap.core.trajectory.motion import STANDING_MPS, longest_gap_s
@@ -127,6 +128,7 @@ def trajectory_from_attitude_logs(
     notices: list[Notice] = []
     gated, unused = usable(track, fixes, notices)
     gated = without_held(gated, unused, notices)
+    gated, levels_m = without_height_steps(gated, notices)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     t_s, xyz, velocity = _antenna(gated, en, logs.roll_pitch.t_s)
     roll, pitch = (_at(t_s, logs.roll_pitch, name) for name in ("roll_deg", "pitch_deg"))
@@ -159,7 +161,7 @@ def trajectory_from_attitude_logs(
         **source_columns(len(t_s), "attitude", "gnss", "gnss", "attitude"),
     )
     positions = positions_without_steps(gated, en)
-    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices))
+    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices), levels_m)
 
 
 def _antenna(track: GnssTrack, en_m: FloatArray, wanted_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -217,6 +219,7 @@ class Located:
         with_lever: gives the trajectory with another lever arm; None where it does not come from GNSS.
         pose_errors: gives the joint covariance of the errors of the poses, with nodes at some times among others; None
             where they do not come from an IMU.
+        height_levels_m: by how much the levels of heights differ that were put on one; standard deviations lack it.
     """
 
     trajectory: Trajectory
@@ -229,6 +232,7 @@ class Located:
     aid: Aid | None = None
     with_lever: Callable[[tuple[float, float, float]], Trajectory] | None = None
     pose_errors: Callable[[NDArray[np.float64]], PoseErrors] | None = None
+    height_levels_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -284,6 +288,7 @@ def locate(positions: Reader, session: Session, frame: MapFrame, beside: Compani
         alone.positions,
         transformed,
         with_lever=lambda lever_m: with_lever(lever_m).trajectory,
+        height_levels_m=alone.height_levels_m,
     )
 
 
@@ -361,7 +366,15 @@ def _with_imu(
         return _aided(track, imu, transformed, frame, lever_m, fixes, imu_warnings, hints)
     notices = (*transformed.notices, *imu_warnings, *found.notices)
     return Located(
-        found.trajectory, "imu", found.counts, notices, None, transformed, found.figures, pose_errors=found.pose_errors
+        found.trajectory,
+        "imu",
+        found.counts,
+        notices,
+        None,
+        transformed,
+        found.figures,
+        pose_errors=found.pose_errors,
+        height_levels_m=found.height_levels_m,
     )
 
 
@@ -390,7 +403,17 @@ def _aided(
         aid = replace(aid, track=by_imu.adjusted.problem.links.track)
         if "imu-noisier" not in {notice.code for notice in by_imu.notices}:
             aid = replace(aid, trajectory=by_imu.trajectory)
-    return Located(found.trajectory, "gnss", found.counts, tuple(notices), found.positions, transformed, figures, aid)
+    return Located(
+        found.trajectory,
+        "gnss",
+        found.counts,
+        tuple(notices),
+        found.positions,
+        transformed,
+        figures,
+        aid,
+        height_levels_m=found.height_levels_m,
+    )
 
 
 def _with_attitude(
@@ -412,7 +435,8 @@ def _with_attitude(
     found = trajectory_from_attitude_logs(track, logs, frame, lever_arm_m(session), fixes)
     notices = (*readers[0].notices, *readers[1].notices, *found.notices)
     antenna = found.positions if session.implement is not None else None
-    return Located(found.trajectory, "attitude", found.counts, notices, antenna)
+    levels_m = found.height_levels_m
+    return Located(found.trajectory, "attitude", found.counts, notices, antenna, height_levels_m=levels_m)
 
 
 def located_without_lidar(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.boresight import BORESIGHT_NAMES, Boresight
+from furrowmap.core.adjustment.consistency import Cause
 from furrowmap.core.checking.check import CHECK_POINTS_OFF
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
 from furrowmap.core.pipeline.notices import fix_shares
@@ -121,6 +122,7 @@ AT_TOP: Final = frozenset(
         "antenna-unknown",
         "boundary-apart",
         "clock-offset",
+        "control-points-off",
         "facing-assumed",
         "gnss-frozen",
         "gnss-heights",
@@ -150,9 +152,14 @@ FLIGHT_CAUSES: Final = {
     "parcels-beside-crop": "parcels",
     "treatments-order": "treatments",
     CONTRADICTING: "camera",
+    "control-points-contradict": "control-points",
     CHECK_POINTS_OFF: "check-points",
 }
 """Codes of contradictions without matching beside those of CONTRADICTION, and the cause that each names."""
+
+
+MATCHED_CAUSES: Final = {code: FLIGHT_CAUSES[code] for code in ("gnss-height-steps", CHECK_POINTS_OFF)}
+"""Those that scan matching leaves standing."""
 
 
 def verdict(found: RunResult) -> dict[str, Any]:
@@ -160,13 +167,15 @@ def verdict(found: RunResult) -> dict[str, Any]:
 
     `consistent` is null where nothing was matched, and there is no IMU whose measurements could contradict positions.
     """
-    codes = [CONTRADICTION, *(FLIGHT_CAUSES if found.matched is None else (CHECK_POINTS_OFF,))]
+    codes = [CONTRADICTION, *(FLIGHT_CAUSES if found.matched is None else MATCHED_CAUSES)]
     contradictions = sorted((n for n in found.notices if n.code in codes), key=lambda notice: codes.index(notice.code))
     text = next((in_local_time(notice.text, found.zone) for notice in contradictions), None)
     if found.matched is not None:
         seen = found.matched.seen.plain()
         if contradictions:
-            seen |= {"consistent": False, "cause": seen["cause"] or "check-points"}
+            beside = next((MATCHED_CAUSES[n.code] for n in contradictions if n.code in MATCHED_CAUSES), None)
+            known = seen["cause"] not in (None, Cause.UNKNOWN)
+            seen |= {"consistent": False, "cause": seen["cause"] if known else beside or seen["cause"]}
     else:
         kinds = [FLIGHT_CAUSES.get(n.code, FLIGHT_CAUSES.get(n.key, n.key.partition(".")[2])) for n in contradictions]
         seen = {"consistent": not kinds if found.located.source == "imu" or kinds else None}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import tomllib
+from functools import reduce
+from operator import xor
 from pathlib import Path
 
 import numpy as np
@@ -53,3 +55,27 @@ def test_surveyed_check_points__that_contradict_the_heights_are_named(
     assert report["verdict"]["cause"] == "check-points"
     assert report["check_points"]["off_m"] == pytest.approx(-0.5, abs=0.15)
     assert report["accuracy"]["sigma_h_m"]["median"] > 0.4
+
+
+def test_heights_of_two_levels__are_as_uncertain_as_these_differ(
+    simulated: furrowmap.Simulated, tmp_path: Path
+) -> None:
+    """The second half of the log holds altitudes as if they were heights above the ellipsoid."""
+    text = simulated.session.read_text(encoding="utf-8")
+    log = simulated.session.with_name(tomllib.loads(text)["recording"]["gnss"][0])
+    sentences = log.read_text(encoding="ascii").splitlines()
+    for k in range(len(sentences) // 2, len(sentences)):
+        fields = sentences[k].partition("*")[0].lstrip("$").split(",")
+        if fields[0].endswith("GGA"):
+            fields[9] = f"{float(fields[9]) - 40.0:.3f}"
+            body = ",".join(fields)
+            checksum = reduce(xor, body.encode("ascii"))
+            sentences[k] = f"${body}*{checksum:02X}"
+    log.with_name("levels.nmea").write_text("\r\n".join(sentences) + "\r\n", encoding="ascii")
+    session = simulated.session.with_name("levels.toml")
+    session.write_text(text.replace(f'"{log.name}"', '"levels.nmea"'), encoding="utf-8")
+    report = furrowmap.run(session, tmp_path / "out").report
+    assert (report["verdict"]["consistent"], report["verdict"]["cause"]) == (False, "positions")
+    said = [report["verdict"]["text"], *report["verdict"]["doubts"]]
+    assert any("heights jump 1 times" in text for text in said)
+    assert 39.0 < report["accuracy"]["sigma_h_m"]["median"] < 41.0

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.images.aiding import (
+    ControlledBlock,
     aid_by_images,
     camera_notices,
     contradicting,
@@ -18,7 +19,6 @@ from furrowmap.core.images.aiding import (
     with_control,
 )
 from furrowmap.core.images.block_adjustment import (
-    NOTHING_KNOWN,
     AdjustedBlock,
     ImageBlock,
     Known,
@@ -117,7 +117,7 @@ def test_views_of_control_points__that_disagree_are_left_out() -> None:
     assert control_views(alone, flight.block, adjusted, paths) is None
     notices: list[Notice] = []
     images = Images.sorted(paths, T_S)
-    assert with_control(flight.block, adjusted, alone, images, notices) == (adjusted, NOTHING_KNOWN)
+    assert with_control(flight.block, adjusted, alone, images, notices) == ControlledBlock(adjusted)
     assert [notice.code for notice in notices] == ["control-points-unseen"]
 
 

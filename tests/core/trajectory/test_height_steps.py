@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,3 +68,30 @@ def test_heights_that_scatter_more_than_stated__have_one_level(seed: int) -> Non
     """As those of a receiver without corrections, stated as good to centimetres."""
     noise_m = np.random.default_rng(seed).normal(0.0, 1.0, 3000)
     assert without_height_steps(track(noise_m), [])[1] == 0.0
+
+
+@pytest.mark.parametrize(("first", "end", "off_m"), [(200, 300, -40.0), (100, 180, 2.0)])
+def test_levels_of_a_drive__last_and_have_one_quality(first: int, end: int, off_m: float) -> None:
+    mixed = flown()
+    mixed[first:end] += off_m
+    notices: list[Notice] = []
+    level, apart_m = without_height_steps(track(mixed), notices, lasting=True)
+    assert level.height_m == pytest.approx(flown(), abs=0.25)
+    assert apart_m == pytest.approx(abs(off_m), abs=0.2)
+    assert [notice.code for notice in notices] == ["gnss-height-steps"]
+    fix = np.full(len(mixed), Fix.FIXED, np.int8)
+    fix[first:end] = Fix.FLOAT
+    for left in (replace(track(mixed), fix=fix), with_outliers()):
+        assert without_height_steps(left, notices, lasting=True) == (left, 0.0)
+    assert len(notices) == 1
+
+
+def with_outliers() -> GnssTrack:
+    height_m = flown()
+    height_m[[50, 120, 121, 260]] += 9.0
+    return track(height_m)
+
+
+def test_heights_that_are_not_known__have_no_level() -> None:
+    unknown = track(np.full(300, np.nan))
+    assert without_height_steps(unknown, []) == (unknown, 0.0)
