@@ -83,7 +83,7 @@ def test_pairs__are_images_of_the_same_ground() -> None:
 def test_pixels_of_control_points__are_read_or_refused(tmp_path: Path) -> None:
     table = tmp_path / "pixels.csv"
     table.write_text("file,name,u,v\nimages/a.jpg,C1,10.5,20\nb.jpg,C2,3,4\n")
-    assert read_pixels(table, ("C2", "C1")) == (("a.jpg", 1, 10.5, 20.0), ("b.jpg", 0, 3.0, 4.0))
+    assert read_pixels(table, ("C2", "C1"), []) == (("a.jpg", 1, 10.5, 20.0), ("b.jpg", 0, 3.0, 4.0))
     for text, why in (
         ("file,name\na,b\n", "no columns u, v"),
         ("file,name,u,v\na,C9,1,2\n", "line 2 names 'C9'"),
@@ -91,10 +91,10 @@ def test_pixels_of_control_points__are_read_or_refused(tmp_path: Path) -> None:
     ):
         table.write_text(text)
         with pytest.raises(InputError, match=why) as refused:
-            read_pixels(table, ("C1",))
+            read_pixels(table, ("C1",), [])
         assert refused.value.code == "control-pixels-unreadable"
     with pytest.raises(InputError, match="No such file") as refused:
-        read_pixels(tmp_path / "lost.csv", ("C1",))
+        read_pixels(tmp_path / "lost.csv", ("C1",), [])
     assert refused.value.code == "control-pixels-unreadable"
 
 
