@@ -70,15 +70,16 @@ def cloud(
 @click.argument("cloud", type=FILE)
 @click.argument("session", type=FILE)
 @output("FILE", "COPC file to write.", "Coloured point cloud", required=True)
+@option("--crs", "CRS", "CRS of a point cloud whose file states none.", label="CRS of the point cloud")
 @overwrite("Replace an existing file.")
-def colour(console: Console, cloud: Path, session: Path, output: Path, *, overwrite: bool) -> None:
+def colour(console: Console, cloud: Path, session: Path, output: Path, *, crs: str | None, overwrite: bool) -> None:
     """Write CLOUD (LAS, LAZ or COPC from any software) in the colours of the images that SESSION names under [camera].
 
     Each point takes the colour of the best image that sees it; points that no image sees are black. The poses of the
     images come from the trajectory of SESSION; its scans are not read.
     """
     with console.work() as progress:
-        account = furrowmap.colour(cloud, session, output, overwrite=overwrite, progress=progress)
+        account = furrowmap.colour(cloud, session, output, crs=crs, overwrite=overwrite, progress=progress)
     console.warn_of(account)
     words = f"{table(figures(account['figures']))}\n{printable(str(output))}: {file_size(output)}"
     console.answer({"output": output, **account}, words)

@@ -1,11 +1,10 @@
 """A cloud at surveyed points: height of the local plane, and disc targets."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
-import pyproj
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -17,12 +16,11 @@ from furrowmap.core.checking.point_check import (
     find_swath_key,
     swath_numbers,
 )
-from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_clouds
+from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_to_measure
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
 from furrowmap.core.runtime.arrays import FloatArray, three
-from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 
 STEP_SHARE: Final = 0.15
@@ -117,8 +115,9 @@ def cloud_at_points(
         InputError: if a file cannot be read.
         RefusedError: if PROJ has no exact transformation between their CRS.
     """
-    clouds = _opened(path, options.crs)
-    survey = survey_of(points_file, clouds.crs, options)
+    clouds = open_to_measure(path, options.crs)
+    stated = options if options.crs is not None else replace(options, crs=clouds.sources[path].flat)
+    survey = survey_of(points_file, clouds.crs, stated)
     reach_m = max(PLANE_RADIUS_M, (SEARCH_DIAMETERS + 1.0) * diameter_m if targets != "none" else 0.0)
     (cloud,) = clouds.files
     own = is_ours(cloud)
@@ -144,18 +143,6 @@ def cloud_at_points(
         swath_key=swath_key,
         notices=(*clouds.notices, *survey.notices),
     )
-
-
-def _opened(product: Path, crs: pyproj.CRS | None) -> Clouds:
-    """The cloud in metres; `crs` is that of the points, and the target of a cloud in degrees."""
-    try:
-        return open_clouds([product], crs)
-    except InputError as error:
-        if error.code != "crs-not-metres":
-            raise
-        if crs is None or {axis.unit_name for axis in crs.axis_info} != {"metre"}:
-            raise InputError("crs-not-metres.check", what=error.what) from None
-    return open_clouds([product], crs, crs)
 
 
 def _near(clouds: Clouds, survey: SurveyedPoints, reach_m: float, progress: Progress, *, own: bool) -> list[CloudBatch]:

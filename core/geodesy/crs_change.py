@@ -103,13 +103,28 @@ def optional_crs(text: str | CRS | None) -> CRS | None:
 
 def crs_of(text: str | CRS) -> CRS:
     """The horizontal CRS of a text in any form that PROJ reads; InputError if it is none."""
+    return horizontal_part(with_heights_of(text))
+
+
+def optional_with_heights(text: str | CRS | None) -> CRS | None:
+    """As :func:`with_heights_of`; None for None."""
+    return with_heights_of(text) if text is not None else None
+
+
+def with_heights_of(text: str | CRS) -> CRS:
+    """The CRS of a text, such as "EPSG:25832+7837", with its vertical part; InputError if it has no horizontal one."""
     try:
-        crs = CRS.from_user_input(text).to_2d()
+        crs = CRS.from_user_input(text)
     except CRSError as error:
         raise InputError("crs-unknown.target", text=text, error=error) from None
     if not (crs.is_projected or crs.is_geographic):
         raise InputError("crs-unknown.not-horizontal", text=text, type_name=crs.type_name)
     return crs
+
+
+def horizontal_part(crs: CRS) -> CRS:
+    """The two-dimensional CRS of a map, without that of heights."""
+    return crs.sub_crs_list[0].to_2d() if crs.is_compound else crs.to_2d()
 
 
 def _better(accuracy_m: float, group: TransformerGroup) -> bool:

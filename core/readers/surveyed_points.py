@@ -10,14 +10,16 @@ import numpy as np
 import pyproj
 import shapely
 
-from furrowmap.core.geodesy.crs_change import bounds_in, crs_change
+from furrowmap.core.geodesy.crs_change import bounds_in, crs_change, horizontal_part
 from furrowmap.core.readers.agopengps import elevation_file, read_elevations
-from furrowmap.core.readers.areas.area import horizontal_part, nothing_within, read_area
+from furrowmap.core.readers.areas.area import nothing_within, read_area
 from furrowmap.core.readers.text_table import TextTable, column_names, is_spreadsheet, read_table
 from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
 from furrowmap.core.runtime.plain_reads import open_plain
+from furrowmap.core.values.crs import full_name_of
+from furrowmap.core.values.height_units import compound_crs, in_metres, vertical_unit_m
 
 MAX_SURVEY_BYTES: Final = 50_000_000
 _NAME_COLUMNS: Final = ("name", "id", "point", "point_id", "label", "点名")
@@ -38,6 +40,7 @@ _DEVIATION_COLUMNS: Final = (
     ("sigma_h_m", "sigma_h", "sd_h", "elevation rms"),
 )
 """Standard deviations along the axes; those of Emlid's programs among them."""
+_MOST_DEGREES: Final = (360.0, 90.0)
 _SAME_HEIGHT_M: Final = 0.001
 _OTHER_HEIGHT_M: Final = 0.01
 
@@ -102,8 +105,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         RefusedError: if PROJ has no exact transformation from the CRS of the points, or the height systems differ.
     """
     rows = _rows_of(path)
-    base = horizontal_part(target).geodetic_crs if rows.degrees else None
-    source = rows.crs or crs or base or target
+    source = rows.crs or _crs_of_rows(path, rows, crs or target)
     whole = np.isfinite(rows.xyz).all(axis=1)
     if not whole.any():
         raise _unreadable(path, "has no point with easting, northing and height")
@@ -113,8 +115,13 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     xyz = rows.xyz[whole]
     sigma = rows.sigma[whole]
     names = tuple(rows.names[k] for k in np.flatnonzero(whole))
-    kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in (source, target)]
-    if kinds[0] is None and rows.ellipsoidal:
+    if source.is_compound and not rows.metres:
+        unit_m = vertical_unit_m(source) or 1.0
+        xyz = xyz * np.array([1.0, 1.0, unit_m])
+        sigma = sigma * np.array([1.0, 1.0, unit_m])
+        notices += [Notice("heights-in-feet", unit_m=unit_m)] if unit_m != 1.0 else []
+    kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in map(in_metres, (source, target)) if crs]
+    if rows.ellipsoidal:
         kinds[0] = "ellipsoidal height"
     if None not in kinds and kinds[0] != kinds[1]:
         raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
@@ -124,6 +131,17 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         xyz = np.column_stack([change.points(xyz[:, :2]), xyz[:, 2]])
         notices += change.notices
     return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), tuple(notices))
+
+
+def _crs_of_rows(path: Path, rows: "_SurveyRows", stated: pyproj.CRS) -> pyproj.CRS:
+    """The CRS of the rows of a table; of longitudes and latitudes the geographic base of a stated map."""
+    flat = horizontal_part(stated)
+    base = flat.geodetic_crs
+    if flat.is_geographic and (np.nanmax(np.abs(rows.xyz[:, :2]), axis=0, initial=0.0) > _MOST_DEGREES).any():
+        raise InputError("points-crs-missing", path=path, flat=full_name_of(flat))
+    if not rows.degrees or flat.is_geographic or base is None:
+        return stated
+    return compound_crs(base.to_2d(), stated.sub_crs_list[1]) if stated.is_compound else base.to_2d()
 
 
 def may_hold_points(path: Path) -> bool:
@@ -152,6 +170,7 @@ class _SurveyRows:
 
     Attributes:
         ellipsoidal: whether the column of heights says that they are above the ellipsoid.
+        metres: whether it says that they are in metres.
     """
 
     names: list[str]
@@ -159,6 +178,7 @@ class _SurveyRows:
     sigma: FloatArray
     degrees: bool = False
     ellipsoidal: bool = False
+    metres: bool = False
     crs: pyproj.CRS | None = None
     notices: tuple[Notice, ...] = ()
 
@@ -182,7 +202,9 @@ def _rows_of_agopengps(path: Path) -> _SurveyRows:
     count = len(found.lon_lat_h)
     names = [str(k) for k in range(1, count + 1)]
     notice = Notice("points-of-guidance", path=path.name, points=count, unfixed=count - found.fixed)
-    return _SurveyRows(names, found.lon_lat_h, np.full((count, 3), np.nan), degrees=True, notices=(notice,))
+    return _SurveyRows(
+        names, found.lon_lat_h, np.full((count, 3), np.nan), degrees=True, metres=True, notices=(notice,)
+    )
 
 
 def _rows_of_layer(path: Path) -> _SurveyRows:
@@ -267,7 +289,8 @@ def _rows_of_table(path: Path) -> _SurveyRows:
     if degrees and (largest := np.nanmax(np.abs(xyz[:, 1]))) > 90.0:
         raise _unreadable(path, f"has latitudes such as {largest:g}: longitude and latitude are swapped")
     ellipsoidal = height in _ELLIPSOIDAL
-    return _SurveyRows(_names(table), xyz, _sigmas(table), degrees, ellipsoidal, notices=table.notices)
+    metres = height.endswith("_m")
+    return _SurveyRows(_names(table), xyz, _sigmas(table), degrees, ellipsoidal, metres, notices=table.notices)
 
 
 def _filled(table: TextTable, name: str) -> bool:

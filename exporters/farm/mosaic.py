@@ -16,6 +16,7 @@ from rasterio.enums import Resampling
 from rasterio.vrt import WarpedVRT
 
 from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
+from furrowmap.core.geodesy.measurable_crs import expect_map
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.raster_heights import plain_heights
 from furrowmap.core.runtime.arrays import Float32Array
@@ -93,8 +94,10 @@ def write_mosaic(
     target, cell_m = common_crs(surfaces, optional_crs(crs)), cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
     changed = [surface for surface in surfaces if not same_map(surface.crs, target)]
+    places = [(horizontal(one.crs), one.bounds_m) for one in surfaces]
+    scale_notices = expect_map(horizontal(target), places)
     changes = [crs_change(horizontal(one.crs), horizontal(target), one.bounds_m) for one in changed]
-    told = [*(one.scale.notices for one in surfaces), *(change.notices for change in changes)]
+    told = [scale_notices, *(one.scale.notices for one in surfaces), *(change.notices for change in changes)]
     notices = tuple(dict.fromkeys(notice for some in told for notice in some))
     if output.suffix == VIRTUAL and (mean or not exact or not all(one.scale.plain for one in surfaces)):
         raise RefusedError("mosaic-virtual", output=output.name, has_mean=bool(mean))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from furrowmap.core.checking.check import Check, check_product
 from furrowmap.core.checking.paired_points import PAIR_COLUMNS, PairedPoints, pairs_of_files, pairs_of_product
 from furrowmap.core.checking.point_check import CHECK_COLUMNS
-from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.geodesy.crs_change import optional_with_heights
 from furrowmap.core.readers.surveyed_points import SurveyOptions, may_hold_points
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
@@ -47,7 +47,7 @@ def check(
     found = check_product(
         Path(product),
         Path(points),
-        SurveyOptions(optional_crs(crs), settings.points_sigma_m, settings.area_file),
+        SurveyOptions(optional_with_heights(crs), settings.points_sigma_m, settings.area_file),
         targets=settings.targets,
         diameter_m=settings.diameter_m,
         class_m=settings.class_m,
@@ -83,7 +83,7 @@ def check_pairs(
     if table is not None:
         refuse_existing(Path(table), overwrite=overwrite)
     if may_hold_points(Path(measured)):
-        pairs = pairs_of_files(Path(measured), Path(surveyed), optional_crs(crs), settings.area_file)
+        pairs = pairs_of_files(Path(measured), Path(surveyed), optional_with_heights(crs), settings.area_file)
     else:
         found = check(measured, surveyed, settings, crs=crs, progress=progress)
         pairs = pairs_of_product(found.points, found.notices)

@@ -175,7 +175,7 @@ def batch_of(
 
 def scale_of(clouds: Clouds) -> float:
     """A millimetre, or finer where a file is."""
-    if clouds.change is not None or clouds.unit_m != 1.0:
+    if not clouds.as_recorded:
         return USUAL_SCALE_M
     return max(MIN_SCALE_M, min([USUAL_SCALE_M, *(step for file in clouds.files for step in file.header.scale)]))
 

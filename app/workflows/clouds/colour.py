@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pyproj import CRS
 
+from furrowmap.core.geodesy.crs_change import optional_with_heights
 from furrowmap.core.images.frames import Frames, frames_along
 from furrowmap.core.pipeline.pipeline import companions, ground_scale
 from furrowmap.core.pipeline.session_aid import aid_session
@@ -33,7 +35,13 @@ from furrowmap.workflows.run.colours import RunColours
 
 
 def colour(
-    cloud: str | Path, session: str | Path, out: str | Path, *, overwrite: bool = False, progress: Progress = silent
+    cloud: str | Path,
+    session: str | Path,
+    out: str | Path,
+    *,
+    crs: CRS | str | None = None,
+    overwrite: bool = False,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Write a cloud in the colours of the images of a session, as COPC with point format 7.
 
@@ -45,6 +53,7 @@ def colour(
         cloud: LAS, LAZ or COPC file; it is taken to the session's CRS, its heights are taken as they are.
         session: session file with `[camera]`.
         out: the file to write, whole or not at all.
+        crs: of a cloud without one.
 
     Returns:
         Counts of the points and images, and warnings.
@@ -56,7 +65,7 @@ def colour(
     source, target, notices = Path(cloud), Path(out), list[Notice]()
     refuse_target(target, [source], overwrite=overwrite)
     opened = open_session(Path(session))
-    clouds = open_clouds([source], None, opened.frame.crs)
+    clouds = open_clouds([source], optional_with_heights(crs), opened.frame.crs, by_option=False)
     make_folder(target.parent)
     with using(scratch_folder=target.parent):
         figures, unseen = _write(clouds, _frames(opened, notices, progress), target, progress)

@@ -1,6 +1,6 @@
 """What workflows of clouds share: the clouds and the box that settings state, and the report of the products."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -8,13 +8,14 @@ from typing import Any
 
 from pyproj import CRS
 
-from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.geodesy.crs_change import horizontal_part, optional_crs, optional_with_heights
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, near_box, open_clouds
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.files.file_records import FileRecord, file_records, rooted_records
 from furrowmap.settings import (
     CanopySettings,
@@ -30,12 +31,24 @@ CloudSettings = CanopySettings | CleanSettings | FeatureSettings | GrowthSetting
 
 def open_inputs(clouds: Sequence[str | Path], settings: CloudSettings) -> Clouds:
     """The clouds in the CRS that settings state, without the points outside their polygons."""
-    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    stated = optional_with_heights(settings.crs)
+    opened = open_clouds([Path(path) for path in clouds], stated, optional_with_heights(settings.dst_crs))
+    opened = replace(opened, notices=(*opened.notices, *_unused_notices(opened, stated)))
     within = getattr(settings, "within", None)
     if within is None:
         return opened
     area = read_area(Path(within), opened.crs)
     return replace(opened, area=area, notices=(*opened.notices, *area.notices))
+
+
+def _unused_notices(clouds: Clouds, stated: CRS | None) -> Iterator[Notice]:
+    """Warnings about files that state another CRS than the user."""
+    for file in clouds.files:
+        own = clouds.sources[file.path]
+        if stated is None or file.crs is None or own.crs is stated:
+            continue
+        if not own.flat.equals(horizontal_part(stated), ignore_axis_order=True):
+            yield Notice("crs-not-used", path=file.path.name, own=name_of(own.flat), stated=name_of(stated))
 
 
 def box_to_use(

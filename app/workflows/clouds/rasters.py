@@ -178,7 +178,8 @@ class CloudRasters:
             for name, value in self.parameters.items()
         }
         statistic = self.settings.cell_statistic if title == SURFACE_TITLE or self.method == "none" else MEDIAN
-        parameters = {**stated, "statistic": statistic.name, "heights_unit_m": f"{self.clouds.unit_m:.10g}"}
+        units = ", ".join(f"{unit:.10g}" for unit in self.clouds.units_m)
+        parameters = {**stated, "statistic": statistic.name, "heights_unit_m": units}
         if self.clouds.crs.is_compound:
             parameters["heights"] = self.clouds.crs.sub_crs_list[1].name
         inputs = [(record.name, record.sha256) for record in self.records]

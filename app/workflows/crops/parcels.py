@@ -29,6 +29,7 @@ from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster, site_so
 from furrowmap.core.crops.soil import SOIL_CELL_M
 from furrowmap.core.crops.treatment_order import REVERSED, REVERSED_IN_BLOCKS, mistaken_order
 from furrowmap.core.crops.trial_tables import day_of, read_treatments, with_treatments
+from furrowmap.core.geodesy.crs_change import horizontal_part
 from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
@@ -330,7 +331,7 @@ def expect_soil(path: Path | None, target: CRS, box_m: Box) -> None:
     if path is None:
         return
     if is_cloud(path):
-        open_clouds([path], target, target)
+        open_clouds([path], target, horizontal_part(target), by_option=False)
         return
     with open_soil_raster(path, target, box_m):
         pass
@@ -350,7 +351,8 @@ def soil_source(
         yield next(method for method in SOIL_METHODS if method == source)
     elif is_cloud(path):
         with tempfile.TemporaryDirectory(prefix="soil-", dir=folder) as made:
-            raster = _grid_cloud(open_clouds([path], target, target), Path(made), box_m, progress)
+            survey = open_clouds([path], target, horizontal_part(target), by_option=False)
+            raster = _grid_cloud(survey, Path(made), box_m, progress)
             with open_soil_raster(raster, target, box_m) as opened:
                 yield replace(opened, path=path)
     else:

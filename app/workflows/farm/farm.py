@@ -14,7 +14,8 @@ from zoneinfo import ZoneInfo
 import numpy as np
 from pyproj import CRS
 
-from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.geodesy.crs_change import horizontal_part, optional_crs
+from furrowmap.core.geodesy.measurable_crs import expect_map
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.progress import Progress, silent
@@ -128,6 +129,9 @@ def add_to_farm_map(
     with open_edit(farm_map, create=True, schema=schema, progress=progress) as edit:
         progress("writing the farm map", 0.0)
         target = _target_crs(edit, wanted) or next(iter(results.values())).crs
+        if wanted is not None:
+            places = [(one.crs, one.layers[0].shapes[0].bounds) for one in results.values()]
+            expect_map(horizontal_part(wanted), places, "--crs")
         known = {session.session: session for session in edit.sessions()}
         fresh = [r for r in results.values() if r.session not in known or known[r.session].digest != r.digest]
         placed, notices = _transform_results(fresh, target, edit.name(), same_crs=same_crs)

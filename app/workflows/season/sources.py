@@ -14,6 +14,7 @@ import shapely
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.geodesy.measurable_crs import expect_map
 from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_names import is_file_name, resolved
@@ -102,7 +103,8 @@ def find_sessions(sources: Sequence[Path], out: Path) -> tuple[list[SeasonSessio
 def season_crs(sessions: Sequence[SeasonSession], wanted: CRS | None) -> tuple[CRS, list[Notice]]:
     """The CRS of a season, without heights, and notices on the changes to it."""
     crs = horizontal(wanted) if wanted is not None else sessions[-1].crs
-    notices: dict[Notice, None] = {}
+    places = [(session.crs, _bounds(session)) for session in sessions]
+    notices = dict.fromkeys(expect_map(crs, places) if wanted is not None else [])
     for session in sessions:
         if same_map(session.crs, crs):
             continue
@@ -114,10 +116,15 @@ def season_crs(sessions: Sequence[SeasonSession], wanted: CRS | None) -> tuple[C
                 session_folder=session.folder,
                 crs_2=name_of(session.crs),
             )
-        (west, south, _), (east, north, _) = session.report["figures"]["bounds_m"]
-        change = crs_change(session.crs, crs, (west, south, east, north))
+        change = crs_change(session.crs, crs, _bounds(session))
         notices |= dict.fromkeys(change.notices)
     return crs, list(notices)
+
+
+def _bounds(session: SeasonSession) -> tuple[float, float, float, float]:
+    """West, south, east, north of a result in its CRS."""
+    (west, south, _), (east, north, _) = session.report["figures"]["bounds_m"]
+    return west, south, east, north
 
 
 def _folders(source: Path, out: Path) -> Iterator[tuple[Path, list[str]]]:

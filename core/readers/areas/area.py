@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.geodesy.crs_change import horizontal_part
 from furrowmap.core.geodesy.longitudes import middle_deg
 from furrowmap.core.readers.areas.polygons import open_polygons
 from furrowmap.core.readers.areas.repair import whole_in_degrees
@@ -68,11 +69,6 @@ def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) 
     if not np.isfinite(shapely.get_coordinates(moved)).all():
         raise InputError("polygons-elsewhere", what=what, lat=lat, lon=lon, flat=flat.name)
     return np.asarray(moved, object)
-
-
-def horizontal_part(crs: CRS) -> CRS:
-    """The two-dimensional CRS of a map, without that of heights."""
-    return crs.sub_crs_list[0].to_2d() if crs.is_compound else crs.to_2d()
 
 
 MANY_POLYGONS: Final = 50

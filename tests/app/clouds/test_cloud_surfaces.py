@@ -280,7 +280,7 @@ def test_dst_crs_and_feet__points_go_where_pyproj_puts_them_in_metres(tmp_path: 
     path = write(tmp_path / "feet.las", xyz, crs=feet)
     with pytest.raises(InputError, match="US survey foot") as refused:
         open_clouds([path])
-    assert "--dst-crs EPSG:6339" in refused.value.remedy
+    assert "--dst-crs EPSG:26910" in refused.value.remedy  # on the same datum
     target = pyproj.CRS.from_epsg(26910)
     clouds = open_clouds([path], dst_crs=target)
     got = np.concatenate([batch.xyz_m for batch in clouds.batches()])

@@ -387,7 +387,7 @@ def test_cloud__in_degrees_is_brought_to_metres(tmp_path: Path) -> None:
     las.x, las.y, las.z = lon, lat, xyz[:, 2]
     las.write(tmp_path / "d.las")
     points = write_points(tmp_path / "p.csv", places(), 0.005)
-    with pytest.raises(FurrowmapError, match="is in degree") as refused:
+    with pytest.raises(FurrowmapError, match="has eastings and northings") as refused:
         check_product(tmp_path / "d.las", points)
     assert "--crs" in refused.value.lines[2]
     found = check_product(tmp_path / "d.las", points, SurveyOptions(CRS("EPSG:6677")))

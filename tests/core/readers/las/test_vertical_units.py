@@ -54,7 +54,8 @@ def write_cloud(path: Path, keys: Sequence[tuple[int, int]], wkt: str | None = N
 
 def unit_and_codes(path: Path) -> tuple[float, set[str]]:
     clouds = open_clouds([path])
-    return clouds.unit_m, {notice.code for notice in clouds.notices}
+    (unit_m,) = clouds.units_m
+    return unit_m, {notice.code for notice in clouds.notices}
 
 
 @pytest.mark.parametrize("name", SAMPLES)
