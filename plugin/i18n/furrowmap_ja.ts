@@ -35,6 +35,7 @@
   <message><source>COPC file to write.</source><translation>書き出す COPC ファイル。</translation></message>
   <message><source>CRS of a new farm map</source><translation>新しい農場マップの CRS</translation></message>
   <message><source>CRS of a new farm map, such as EPSG:6677 [default: the first session's].</source><translation>新しい農場マップの CRS（例：EPSG:6677）。省略時は最初のセッションの CRS。</translation></message>
+  <message><source>CRS of a point cloud whose file states none.</source><translation>CRS のない点群の CRS。</translation></message>
   <message><source>CRS of all products [default: that of the sessions].</source><translation>すべての成果物の CRS。省略時はセッションの CRS。</translation></message>
   <message><source>CRS of clouds without one</source><translation>CRS のない点群に使う CRS</translation></message>
   <message><source>CRS of input files without one.</source><translation>CRS のない入力ファイルの CRS。</translation></message>
@@ -43,6 +44,7 @@
   <message><source>CRS of the mosaic</source><translation>モザイクの CRS</translation></message>
   <message><source>CRS of the output</source><translation>出力の CRS</translation></message>
   <message><source>CRS of the output, in metres [default: that of the input].</source><translation>出力の CRS（メートル単位）。省略時は入力の CRS。</translation></message>
+  <message><source>CRS of the point cloud</source><translation>点群の CRS</translation></message>
   <message><source>CRS of the points</source><translation>測量点の CRS</translation></message>
   <message><source>CRS of the raster [default: that of the surfaces].</source><translation>ラスタの CRS。省略時はサーフェスの CRS。</translation></message>
   <message><source>CRS of the surfaces</source><translation>サーフェスの CRS</translation></message>
