@@ -182,7 +182,7 @@ def open_clouds(
     crs: pyproj.CRS | None = None,
     dst_crs: pyproj.CRS | None = None,
     *,
-    by_option: bool = True,
+    without_option: bool = False,
 ) -> Clouds:
     """Open clouds that belong together.
 
@@ -192,7 +192,7 @@ def open_clouds(
             state the same horizontal CRS without heights.
         dst_crs: of the output, projected in metres; None for that of the files. With it their horizontal CRSs may
             differ.
-        by_option: whether a user chooses `dst_crs` with --dst-crs, which errors then name.
+        without_option: whether a user cannot choose `dst_crs` with --dst-crs, which errors name otherwise.
 
     Raises:
         UsageError: if a file is given twice.
@@ -214,9 +214,9 @@ def open_clouds(
         target, changes = _common_map(files, places, notices)
     else:
         target = _parts(dst_crs)[0]
-        if by_option:
+        if not without_option:
             _expect_heights(dst_crs, vertical, target)
-        changes = _changes(places, target, notices, by_option=by_option)
+        changes = _changes(places, target, notices, without_option=without_option)
     sources = {}
     for file, source, place in zip(files, whole, places, strict=True):
         # without a vertical CRS heights have the unit of the horizontal one, as is usual in LAS files
@@ -248,7 +248,7 @@ def open_to_measure(path: Path, crs: pyproj.CRS | None = None) -> Clouds:
             chosen.append(pyproj.CRS(error.values["proposal"]))
         for target in chosen:
             with suppress(InputError, RefusedError):
-                clouds = open_clouds([path], crs, target, by_option=False)
+                clouds = open_clouds([path], crs, target, without_option=True)
                 moved = Notice("cloud-transformed", path=path.name, flat=name_of(target))
                 return replace(clouds, notices=(*clouds.notices, moved))
         raise
@@ -423,7 +423,7 @@ def _common_map(
 
 
 def _changes(
-    places: Sequence[_FilePlace], target: pyproj.CRS, notices: list[Notice], *, by_option: bool
+    places: Sequence[_FilePlace], target: pyproj.CRS, notices: list[Notice], *, without_option: bool
 ) -> dict[pyproj.CRS, CrsChange | None]:
     """The transformation from each horizontal CRS of the files to another one; None where they are the same."""
     known = _known(places)
@@ -439,7 +439,7 @@ def _changes(
                 notices += change.notices
             changes[place.flat] = change
     except RefusedError as error:
-        if not by_option or error.code not in ("crs-change-grid", "crs-change-unknown", "crs-change-outside"):
+        if without_option or error.code not in ("crs-change-grid", "crs-change-unknown", "crs-change-outside"):
             raise
         raise RefusedError(f"{error.code}.dst", **error.values, proposal=proposed_crs(known)) from None
     return changes

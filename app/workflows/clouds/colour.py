@@ -65,7 +65,7 @@ def colour(
     source, target, notices = Path(cloud), Path(out), list[Notice]()
     refuse_target(target, [source], overwrite=overwrite)
     opened = open_session(Path(session))
-    clouds = open_clouds([source], optional_with_heights(crs), opened.frame.crs, by_option=False)
+    clouds = open_clouds([source], optional_with_heights(crs), opened.frame.crs, without_option=True)
     make_folder(target.parent)
     with using(scratch_folder=target.parent):
         figures, unseen = _write(clouds, _frames(opened, notices, progress), target, progress)

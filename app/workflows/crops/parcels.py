@@ -331,7 +331,7 @@ def expect_soil(path: Path | None, target: CRS, box_m: Box) -> None:
     if path is None:
         return
     if is_cloud(path):
-        open_clouds([path], target, horizontal_part(target), by_option=False)
+        open_clouds([path], target, horizontal_part(target), without_option=True)
         return
     with open_soil_raster(path, target, box_m):
         pass
@@ -351,7 +351,7 @@ def soil_source(
         yield next(method for method in SOIL_METHODS if method == source)
     elif is_cloud(path):
         with tempfile.TemporaryDirectory(prefix="soil-", dir=folder) as made:
-            survey = open_clouds([path], target, horizontal_part(target), by_option=False)
+            survey = open_clouds([path], target, horizontal_part(target), without_option=True)
             raster = _grid_cloud(survey, Path(made), box_m, progress)
             with open_soil_raster(raster, target, box_m) as opened:
                 yield replace(opened, path=path)
