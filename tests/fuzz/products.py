@@ -38,6 +38,13 @@ speed_work_mps = 1.3
 return_mode = "dual"
 rpy_deg = [0.0, 40.0, 180.0]
 """
+KML = "<kml><Document>" + "".join(
+    f"<Placemark><name>P{k}</name><Point><coordinates>139.{k:07d},36.87,270.1</coordinates></Point></Placemark>"
+    for k in range(8)
+) + "</Document></kml>"  # fmt: skip
+ELEVATION = "2026-May-01\n$FieldDir\nElevation\nLatitude,Longitude,Elevation,Quality,Easting,Northing\n" + "".join(
+    f"36.87,139.{k:07d},270.1,4,1,234.5,6.7\n" for k in range(8)
+)
 
 
 def implements(folder: Path) -> list[Files]:
@@ -62,6 +69,10 @@ def surveys(folder: Path) -> list[Files]:
         {"points.csv": f"name,e_m,n_m,h_m,sigma_h_m\n{rows}".encode()},
         {"points.csv": f"name,lon_deg,lat_deg,h_m\n{degrees}".encode()},
         {"points.gpkg": (folder / "points.gpkg").read_bytes()},
+        {"points.geojson": points.to_crs(4326).to_json().encode()},
+        {"points.kml": KML.encode()},
+        {"Elevation.txt": ELEVATION.encode()},
+        {"points.csv": f"sep=;\nname;e_m;n_m;h_m\n{rows}".replace(",", ";").replace(".", ",").encode("utf-16")},
     ]
 
 
