@@ -314,3 +314,24 @@ def test_crs_option__that_a_file_contradicts_is_named(tmp_path: Path, capsys: py
     assert command_line(words) == 0
     answer = json.loads(capsys.readouterr().out)
     assert "crs-not-used" in {warning["code"] for warning in answer["warnings"]}
+
+
+def test_foreign_clouds__end_well_with_what_is_proposed(
+    shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = shared_data / "foreign" / "18-crs-remedies"
+    words = ["surface", str(folder / "ftus.laz"), "-o", str(tmp_path / "feet"), "--cell", "0.5"]
+    assert command_line(words) == 3
+    said = proposal(capsys.readouterr().err)
+    assert said == ["--dst-crs", "EPSG:26918"]
+    assert command_line([*words, *said]) == 0
+    with rasterio.open(tmp_path / "feet" / "dsm.tif") as raster:
+        heights = raster.read(1, masked=True)
+    assert 91.43 < heights.min() < heights.max() < 91.84
+    tiles = [folder / "dhhn2016.laz", folder / "nocrs.laz"]
+    clouds = open_clouds(tiles, CRS("EPSG:25832+7837"))
+    assert clouds.crs.sub_crs_list[1].to_epsg(min_confidence=20) == 7837
+    with pytest.raises(InputError) as refused:
+        open_clouds([folder / "local_metre.laz"], None, CRS("EPSG:25832"))
+    assert refused.value.code == "crs-local"
+    assert open_clouds([folder / "local_metre.laz"], CRS("EPSG:25832")).points > 0
