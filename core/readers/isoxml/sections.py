@@ -136,7 +136,8 @@ def read_sections(
     chosen = max(found, key=lambda part: (round(_span_m(found[part]), 2), len(found[part])))
     device = elements[found[chosen][0][0]].device
     others = [_name(part, elements) for part in found if part != chosen]
-    others += [elements[part].name for part in _working_parts(logs, elements) if elements[part].device != device]
+    working = [part for part in _working_parts(logs, elements) if elements[part].device != device]
+    others += [elements[part].name for part in working if stated.width_m(part) is not None]
     if others:
         notices.append(
             Notice("sections-of-others", part=_name(chosen, elements), others=", ".join(dict.fromkeys(others)))

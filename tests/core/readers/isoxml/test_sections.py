@@ -196,6 +196,14 @@ def test_several_functions__the_widest_counts(tmp_path: Path) -> None:
     assert "sections-of-others" in codes(task)
 
 
+@pytest.mark.parametrize("width", [{}, {WIDTH: 12_000}])
+def test_another_machine__that_worked_is_named_if_it_has_a_width(width: dict[int, int], tmp_path: Path) -> None:
+    other = elements_xml("DVC-5", [("1", 1, 0, width)], name="other")
+    channels = [(CONDENSED, "DVC-1-2"), (STATE, "DVC-5-1")]
+    task = task_of(tmp_path, [DEVICE, BOOM, *sections(2)], channels, [{0: 5, 1: 1}, {}], other)
+    assert ("sections-of-others" in codes(task)) is bool(width)
+
+
 def test_places__that_vary_are_named(tmp_path: Path) -> None:
     channels = [(CONDENSED, "DVC-1-2"), (RIGHT, "DVC-1-10")]
     values = [{0: 0b010101, 1: -3000}, {1: -3000}, {1: -3300}, {}]
