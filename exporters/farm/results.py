@@ -21,7 +21,7 @@ from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.readers.ogr_layers import layer_info, list_layers
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out, resolved
-from furrowmap.core.runtime.plain_reads import open_plain, read_plain_bytes
+from furrowmap.core.runtime.plain_reads import expect_plain_file, read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.result_folder import (
@@ -136,7 +136,8 @@ def products_digest(place: Path) -> str:
     if not place.is_dir():
         return hashlib.sha256(read_plain_bytes(place)).hexdigest()
     digest = hashlib.sha256(read_plain_bytes(place / REPORT))
-    with open_plain(place / FIELD) as file:
+    expect_plain_file(place / FIELD)
+    with (place / FIELD).open("rb") as file:
         digest.update(hashlib.file_digest(file, "sha256").digest())
     return digest.hexdigest()
 
