@@ -149,10 +149,10 @@ FLIGHT_CAUSES: Final = {
     "imu-turned": "mounting",
     "geoid-separation": "geoid",
     "gnss-height-steps": "positions",
+    "control-points-contradict": "control-points",
     "parcels-beside-crop": "parcels",
     "treatments-order": "treatments",
     CONTRADICTING: "camera",
-    "control-points-contradict": "control-points",
     CHECK_POINTS_OFF: "check-points",
 }
 """Codes of contradictions without matching beside those of CONTRADICTION, and the cause that each names."""
