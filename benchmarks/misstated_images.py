@@ -50,7 +50,7 @@ class Chosen(OpenSession):
     def images(self, notices: list[Notice]) -> Images:
         """As :meth:`OpenSession.images`, fewer."""
         whole = super().images(notices)
-        return Images(whole.paths[self.span], whole.t_s[self.span], whole.lon_lat_h[self.span])
+        return whole.chosen(np.arange(len(whole))[self.span])
 
 
 def main(session: Path, first: int | None, last: int | None) -> None:

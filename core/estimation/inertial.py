@@ -168,12 +168,14 @@ class InertialLinks(Observation):
     Attributes:
         track: in the axes of the vehicle.
         lever_m: (3,) the IMU in the vehicle frame.
+        force_times: factors of the noise of the specific force, of the map's axes and of the height.
     """
 
     track: InertialTrack
     lever_m: FloatArray
     noise: InertialNoise
     site: Site
+    force_times: tuple[float, float] = (1.0, 1.0)
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Nine equations for the increments and six for the biases of each two knots, and the biases of each chain."""
@@ -218,11 +220,13 @@ class InertialLinks(Observation):
         way_rows[:, :, force : force + 3] = 0.5 * dt**2 * stretch[:, None] * rotation
         way_rows -= 0.5 * dt * stretch[:, None] * velocity_rows
 
-        n = self.noise
-        sigma = n.rate * np.sqrt(dt), n.force * np.sqrt(dt), np.hypot(n.force * np.sqrt(dt**3 / 12.0), MIN_WAY_SIGMA_M)
-        for rows, residual, one in zip(design, (-turned, -faster, -farther), sigma, strict=True):
+        rate = np.full(3, self.noise.rate)
+        force = self.noise.force * np.repeat(self.force_times, (2, 1))
+        sigma = rate * np.sqrt(dt), force * np.sqrt(dt), np.hypot(force * np.sqrt(dt**3 / 12.0), MIN_WAY_SIGMA_M)
+        for rows, residual, ones in zip(design, (-turned, -faster, -farther), sigma, strict=True):
             for axis in range(3):
-                equations.add(linked * size, rows[:, axis], residual[:, axis], np.full(len(linked), one))
+                one = np.full(len(linked), ones[axis])
+                equations.add(linked * size, rows[:, axis], residual[:, axis], one)
 
 
 @dataclass(frozen=True)

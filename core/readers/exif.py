@@ -8,6 +8,7 @@ import io
 import math
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +20,7 @@ from furrowmap.core.readers.csv_file import TIMES, read_small, text_rows, unix_t
 from furrowmap.core.readers.csv_text import header_of
 from furrowmap.core.readers.epochs import utc_of
 from furrowmap.core.readers.exposure_marks import ExposureMark, marks_beside
+from furrowmap.core.readers.image_xmp import NOTHING, UNKNOWN, ExposureXmp, exposure_xmp
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -150,6 +152,8 @@ MODIFIED: Final = 0x0132
 """TIFF DateTime."""
 EXIF, GPS = 0x8769, 0x8825
 """Where the tags of EXIF and of GPS are."""
+XMP: Final = 0x02BC
+"""XMP in a TIFF file."""
 ZONE_STEP_S: Final = 900.0
 """Time zones are multiples of this off UTC."""
 PILLOW_FORMATS: Final = ("JPEG", "PNG", "TIFF")
@@ -164,39 +168,39 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
 
     The time is DateTimeOriginal with its fraction of a second. Its zone is OffsetTimeOriginal, else the quarters of an
     hour by which it differs from the time of GPS (UTC) in the file, else UTC. Exposure times and places that a drone
-    wrote beside the images (:mod:`.exposure_marks`) replace those of EXIF if they agree to :data:`MARK_AGREES_S`.
+    wrote beside the images (:mod:`.exposure_marks`) replace those of EXIF if they agree to :data:`MARK_AGREES_S`; where
+    there are none, those in XMP (:mod:`.image_xmp`) do by the same rule.
     """
     expect_pillow()
     marks = marks_beside(paths)
     contradicted: list[Path] = []
     marked: list[ExposureMark] = []
-    taken: list[tuple[Path, float, tuple[float, float, float]]] = []
+    by_xmp: list[_Exposure] = []
+    taken: list[tuple[Path, _Exposure]] = []
     unreadable: list[Path] = []
     timeless: list[Path] = []
     zoneless = 0
     for path in paths:
         try:
-            seconds, zone, place = _tags(path)
+            said, xmp = _tags(path)
         except Exception:  # noqa: BLE001 (Pillow raises errors of all families on damaged files)
             unreadable.append(path)
             continue
         mark = marks.get(path)
-        if mark is not None and seconds is not None:
-            apart_s = seconds - mark.t_s
-            apart_s -= 0.0 if zone else ZONE_STEP_S * round(apart_s / ZONE_STEP_S)
-            if abs(apart_s) > MARK_AGREES_S:
-                contradicted.append(path)
-                mark = None
+        if mark is not None and not said.agrees_with(mark.t_s):
+            contradicted.append(path)
+            mark = None
         if mark is not None:
-            seconds = mark.t_s
-            zone = True
-            place = mark.lon_lat_h if math.isfinite(mark.lon_lat_h[0]) else place
+            said = said.at(mark.t_s, mark.lon_lat_h, mark.sigma_m)
             marked.append(mark)
-        if seconds is None:
+        elif said.t_s is None or xmp.t_s is None or said.agrees_with(xmp.t_s):
+            said = said.at(xmp.t_s, xmp.lon_lat_h, xmp.sigma_m, is_fixed=xmp.is_fixed)
+            by_xmp += [said] if xmp != NOTHING else []
+        if said.t_s is None:
             timeless.append(path)
             continue
-        zoneless += not zone
-        taken.append((path, seconds, place))
+        zoneless += not said.has_zone
+        taken.append((path, said))
     count = len(paths)
     if unreadable:
         notices.append(
@@ -210,11 +214,60 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
     if marked:
         fixed = sum(mark.is_fixed for mark in marked)
         notices.append(Notice("images-marked", marked=len(marked), count=count, fixed=fixed))
+    if by_xmp:
+        notices.append(_xmp_notice(by_xmp, count))
     if zoneless:
         notices.append(Notice("image-time-zone", zoneless=zoneless, count=count))
-    times = np.array([seconds for _, seconds, _ in taken], np.float64)
-    places = np.array([place for _, _, place in taken], np.float64).reshape(-1, 3)
-    return Images.sorted([path for path, _, _ in taken], times, places)
+    times = np.array([said.t_s for _, said in taken], np.float64)
+    places = np.array([said.lon_lat_h for _, said in taken], np.float64).reshape(-1, 3)
+    sigmas = np.array([said.sigma_m for _, said in taken], np.float64).reshape(-1, 3)
+    return Images.sorted([path for path, _ in taken], times, places, sigmas)
+
+
+@dataclass(frozen=True)
+class _Exposure:
+    """What a file says of an exposure: UTC, whether its zone is known, and where the camera was."""
+
+    t_s: float | None
+    has_zone: bool
+    lon_lat_h: tuple[float, float, float]
+    sigma_m: tuple[float, float, float] = UNKNOWN
+    is_fixed: bool = False
+
+    def agrees_with(self, t_s: float) -> bool:
+        """Whether another time may be of the same exposure; without an own time, any may."""
+        if self.t_s is None:
+            return True
+        apart_s = self.t_s - t_s
+        apart_s -= 0.0 if self.has_zone else ZONE_STEP_S * round(apart_s / ZONE_STEP_S)
+        return abs(apart_s) <= MARK_AGREES_S
+
+    def at(
+        self,
+        t_s: float | None,
+        lon_lat_h: tuple[float, float, float],
+        sigma_m: tuple[float, float, float],
+        *,
+        is_fixed: bool = False,
+    ) -> "_Exposure":
+        """With another time and place, where these are known."""
+        timed = self if t_s is None else replace(self, t_s=t_s, has_zone=True)
+        placed = timed if not math.isfinite(lon_lat_h[0]) else replace(timed, lon_lat_h=lon_lat_h)
+        return replace(placed, sigma_m=sigma_m, is_fixed=is_fixed)
+
+
+def _xmp_notice(exposures: Sequence[_Exposure], count: int) -> Notice:
+    """What the XMP data of images gave."""
+    sigma_m = np.array([one.sigma_m for one in exposures])
+    known = sigma_m[np.isfinite(sigma_m)]
+    return Notice(
+        "images-marked.xmp",
+        marked=len(exposures),
+        count=count,
+        fixed=sum(one.is_fixed for one in exposures),
+        has_sigma=bool(len(known)),
+        sigma_m=float(np.median(known)) if len(known) else 0.0,
+    )
 
 
 def read_pixels(path: ImageFile, reduction: int) -> NDArray[np.uint8]:
@@ -273,8 +326,8 @@ def expect_pillow() -> None:
         raise InputError("extra-missing.expect-pillow")
 
 
-def _tags(path: Path) -> tuple[float | None, bool, tuple[float, float, float]]:
-    """UTC in seconds or None, whether its zone is known, and longitude, latitude, height."""
+def _tags(path: Path) -> tuple[_Exposure, ExposureXmp]:
+    """What EXIF and XMP say of an exposure."""
     from PIL import Image
 
     with warnings.catch_warnings():
@@ -283,15 +336,17 @@ def _tags(path: Path) -> tuple[float | None, bool, tuple[float, float, float]]:
             tags = image.getexif()
             inner, gps = tags.get_ifd(EXIF), tags.get_ifd(GPS)
             modified = tags.get(MODIFIED)
+            packet = image.info.get("xmp") or tags.get(XMP) or b""
+    xmp = exposure_xmp(packet.encode() if isinstance(packet, str) else bytes(packet))
     satellites = _satellite_time(gps)
     place = _place(gps)
     local = _local(inner.get(TAKEN) or modified, inner.get(SUBSECOND))
     if local is None:
-        return satellites, True, place
+        return _Exposure(satellites, has_zone=True, lon_lat_h=place), xmp
     offset_s = _offset(inner.get(OFFSET))
     if offset_s is None and satellites is not None:
         offset_s = ZONE_STEP_S * round((local - satellites) / ZONE_STEP_S)
-    return local - (offset_s or 0.0), offset_s is not None, place
+    return _Exposure(local - (offset_s or 0.0), has_zone=offset_s is not None, lon_lat_h=place), xmp
 
 
 def _local(text: Any, fraction: Any) -> float | None:

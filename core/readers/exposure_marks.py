@@ -34,11 +34,13 @@ class ExposureMark:
     Attributes:
         t_s: UTC.
         lon_lat_h: place of the camera; degrees, metres above the ellipsoid; nan where the drone had no position.
+        sigma_m: standard deviations of its easting, northing and height; nan where they are not stated.
         is_fixed: whether it is of a fixed solution.
     """
 
     t_s: float
     lon_lat_h: tuple[float, float, float]
+    sigma_m: tuple[float, float, float]
     is_fixed: bool
 
 
@@ -81,10 +83,11 @@ def read_marks(path: Path) -> dict[int, ExposureMark]:
         match = _MARK_LINE.match(line)
         if match is None:
             continue
-        number, second, week, _, _, _, lat, lon, height, _, _, _, quality = match.groups()
+        number, second, week, _, _, _, lat, lon, height, north, east, up, quality = match.groups()
+        sigma = tuple(float(value) if value and float(value) > 0.0 else float("nan") for value in (east, north, up))
         place = float(lon), float(lat), float(height)
         if place[:2] == (0.0, 0.0):
-            place = (float("nan"),) * 3
+            place = sigma = (float("nan"),) * 3
         t_s = float(gps_to_utc_s(int(week) * WEEK_S + float(second)))
-        marks[int(number)] = ExposureMark(t_s, place, int(quality or 0) >= FIXED_FROM)
+        marks[int(number)] = ExposureMark(t_s, place, sigma, int(quality or 0) >= FIXED_FROM)
     return marks

@@ -4,10 +4,13 @@ A first guess of the attitudes comes from alignment, all else from the adjustmen
 from knot to knot, and positions with a correlated error, at all knots at once. That is what a filter with a backward
 smoother would give, linearised anew until nothing moves.
 
-Where the squared residuals of the adjustment are larger than expected, or another place of the antenna would take much
-of them away, the adjustment is done anew under one hypothesis at a time: the antenna is elsewhere, the positions err
-more than stated, the specific force scatters more than stated. The restricted likelihood of the observations says which
-of them explains the residuals best. An offset of the clocks was found and taken off before.
+Where the squared residuals of the adjustment are larger than expected, slow errors of the positions or another place of
+the antenna would take much of them away, the adjustment is done anew under one hypothesis at a time: the antenna is
+elsewhere, the positions err more than stated and slowly, the specific force scatters more than stated; and each of the
+latter two with positions that scatter around the motion of the IMU, as they do where it does not show fast motion. The
+restricted likelihood of the observations says which of them explains the residuals best; map and height are apart.
+Positions are blamed only for slow errors that remain beside an IMU with as much noise as is likeliest. An offset of the
+clocks was found and taken off before.
 """
 
 from __future__ import annotations
@@ -15,8 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +35,7 @@ from furrowmap.core.estimation.inertial import (
     predicted,
     unbiased_increments,
 )
-from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, ROTATION, StateBlock, normal_equations
+from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, ROTATION, State, StateBlock, normal_equations
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime import arrays
@@ -68,7 +70,12 @@ from furrowmap.core.trajectory.inertial_start import (
 )
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.pose_errors import PoseErrors
-from furrowmap.core.trajectory.position_drift import likeliest, with_shown_drift
+from furrowmap.core.trajectory.position_drift import (
+    MIN_GAIN,
+    with_shown_drift,
+    with_shown_force_noise,
+    with_shown_scatter,
+)
 from furrowmap.core.trajectory.positions import climb_notices, positions_without_steps, quality_words, usable
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.inertial import InertialTrack
@@ -92,14 +99,16 @@ class Explained:
     """An adjustment that is explained.
 
     Attributes:
-        cause: "" where it agrees with what is stated; else "lever-arm", "positions" or "noise".
+        cause: "" where it agrees with what is stated; else "lever-arm", "positions", "noise" or "scatter".
         times: standard deviations of what is blamed, over the stated ones; 0 where these are not blamed.
         lever_off_m: (3,) lever arm that was used, minus the stated one.
+        is_certain: whether the next best cause explains much less.
     """
 
     cause: str
     adjusted: InertialAdjustment
     times: float = 0.0
+    is_certain: bool = False
     lever_off_m: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def notice(self, measured: InertialTrack) -> Notice | None:
@@ -112,9 +121,14 @@ class Explained:
         if self.cause == "positions":
             return Notice("contradiction.positions", times=self.times)
         if self.cause == "noise":
-            force = self.adjusted.problem.links.noise.force
+            links = self.adjusted.problem.links
+            force = links.noise.force * max(links.force_times)
             unseen = force > MAX_NOISE_FACTOR * densities(measured)[1] and self.times > MAX_NOISE_FACTOR
-            return Notice("contradiction.unknown" if unseen else "imu-noisier", times=self.times)
+            if unseen:
+                return Notice("contradiction.unknown", times=self.times, is_imu=self.is_certain)
+            return Notice("imu-noisier", times=self.times)
+        if self.cause == "scatter":
+            return Notice("imu-misses-motion", times=self.times)
         return None
 
 
@@ -132,39 +146,54 @@ def _doubted(adjusted: InertialAdjustment) -> list[tuple[int, int]]:
     return [(first, end - 1) for first, end in edges.tolist() if t_s[end - 1] - t_s[first] > MIN_DOUBTED_S]
 
 
+class Hypothesis(NamedTuple):
+    """States that fit under a cause, and what is blamed: its standard deviations over the stated ones."""
+
+    cause: str
+    fit: Fitted
+    times: float
+
+
 def explained(adjusted: InertialAdjustment, *, by_noise_alone: bool) -> Explained:
     """An adjustment under the hypothesis that explains its residuals best; itself where it agrees.
 
     On wheels another lever arm and steps are not looked for: a wheel that slips looks alike.
     """
-    tried: list[tuple[str, Fitted, float]] = []
+    tried: list[Hypothesis] = []
     in_air = not (by_noise_alone or adjusted.problem.hints.on_wheels)
     if in_air and adjusted.constants.lever_off:
         moved = with_constant(adjusted, "lever", lambda p, step: replace(p, lever_m=p.lever_m + step))[0]
         if agrees(moved):
             return _of_lever(adjusted, moved)
-        tried = [("lever-arm", moved, 0.0)]
+        tried = [Hypothesis("lever-arm", moved, 0.0)]
     contradicts = not agrees(adjusted)
-    for cause, hypothesis, possible in (
-        ("positions", with_slower_errors, not by_noise_alone),
-        ("positions", with_jumps, in_air and contradicts),
-        ("noise", with_noisier_imu, contradicts),
-    ):
-        with suppress(np.linalg.LinAlgError):
-            tried += [(cause, fit, times) for fit, times in hypothesis(adjusted)] if possible else []
+    slow = [] if by_noise_alone else with_slower_errors(adjusted)
+    if contradicts or slow:
+        noise = with_noisier_imu(adjusted)
+        tried += [*slow, *noise]
+        if not by_noise_alone:
+            for beside in (Hypothesis("scatter", adjusted, 1.0), *slow, *noise):
+                tried += with_scatter(beside)
+    tried += with_jumps(adjusted) if in_air and contradicts else []
     if not tried:
         return Explained("", adjusted)
-    cause, best, times = min(tried, key=lambda one: one[1].deviance)
-    if isinstance(best, InertialAdjustment):
-        return _of_lever(adjusted, best)
-    return Explained(cause, adjust(best.problem, best.state), times)
+    best, *others = sorted(tried, key=lambda one: one.fit.deviance)
+    if best.cause in ("noise", "scatter") and slow:
+        still = with_slower_errors(best.fit)
+        best = still[0] if still else best
+    if isinstance(best.fit, InertialAdjustment):
+        return _of_lever(adjusted, best.fit)
+    apart = [other.fit.deviance - best.fit.deviance for other in others if other.cause != best.cause]
+    return Explained(
+        best.cause, adjust(best.fit.problem, best.fit.state), best.times, is_certain=min(apart, default=0.0) > MIN_GAIN
+    )
 
 
 def _of_lever(stated: InertialAdjustment, moved: InertialAdjustment) -> Explained:
     return Explained("lever-arm", moved, lever_off_m=moved.problem.lever_m - stated.problem.lever_m)
 
 
-def with_jumps(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
+def with_jumps(adjusted: Fitted) -> list[Hypothesis]:
     """Steps between positions where the trajectory bends from one side to the other; each side may be off."""
     positions, doubted = adjusted.problem.positions, _doubted(adjusted)
     if not doubted:
@@ -185,26 +214,40 @@ def with_jumps(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
     drift[starts] = np.hypot(drift[starts], step_m)
     with_steps = replace(positions, run=run, drift_m=drift)
     times = float(np.linalg.norm(step_m) / np.median(np.linalg.norm(positions.drift_m, axis=1)))
-    return [(fitted(replace(adjusted.problem, positions=with_steps), adjusted.state), times)]
+    problem = replace(adjusted.problem, positions=with_steps)
+    return _hypothesis("positions", problem, adjusted.state, times)
 
 
-def with_slower_errors(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
+def with_slower_errors(adjusted: Fitted) -> list[Hypothesis]:
     """Slow errors of the positions as large as they are likeliest."""
-    problem, times = with_shown_drift(adjusted)
-    return [(fitted(problem, adjusted.state), times)] if times > 1.0 else []
+    with suppress(np.linalg.LinAlgError):
+        problem, times = with_shown_drift(adjusted)
+        return _hypothesis("positions", problem, adjusted.state, times)
+    return []
 
 
-def with_noisier_imu(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
-    """A noise of the specific force that is as large as it is likeliest."""
-    problem, links = adjusted.problem, adjusted.problem.links
+def with_noisier_imu(adjusted: Fitted) -> list[Hypothesis]:
+    """A noise of the specific force as large as it is likeliest, of the map's axes and of heights."""
+    with suppress(np.linalg.LinAlgError):
+        problem, times = with_shown_force_noise(adjusted)
+        return _hypothesis("noise", problem, adjusted.state, times)
+    return []
 
-    @cache
-    def noisier(times: float) -> Fitted:
-        noise = replace(links.noise, force=times * links.noise.force)
-        return fitted(replace(problem, links=replace(links, noise=noise)), adjusted.state)
 
-    times = likeliest(lambda times: noisier(times).deviance, 0.0)
-    return [(noisier(times), times)] if times > 1.0 else []
+def with_scatter(beside: Hypothesis) -> list[Hypothesis]:
+    """A hypothesis with white noise of the positions as large as it is likeliest: motion that an IMU does not show."""
+    with suppress(np.linalg.LinAlgError):
+        problem, times = with_shown_scatter(beside.fit)
+        blamed = max(times) if beside.cause == "scatter" else beside.times
+        return _hypothesis(beside.cause, problem, beside.fit.state, blamed) if max(times) > 1.0 else []
+    return []
+
+
+def _hypothesis(cause: str, problem: InertialProblem, state: State, times: float) -> list[Hypothesis]:
+    """The hypothesis of a problem; none where it blames nothing."""
+    with suppress(np.linalg.LinAlgError):
+        return [Hypothesis(cause, fitted(problem, state), times)] if times > 1.0 else []
+    return []
 
 
 NODE_S: Final = 1.0

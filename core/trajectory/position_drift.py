@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.estimation.knots import normal_equations
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import Knots, Observation, State, normal_equations
 from furrowmap.core.estimation.positions import GnssDrift
 from furrowmap.core.trajectory.inertial_adjustment import Fitted, beside_positions, fitted
 from furrowmap.core.trajectory.inertial_start import InertialProblem
@@ -69,17 +70,100 @@ def _likeliest_times(stated: InertialProblem, fit: Fitted) -> tuple[float, float
     _, *rest = beside_positions(stated)  # the slow errors come first
     same = normal_equations((trusted, *rest), knots, state)
 
+    def drift(times: tuple[float, float]) -> Observation:
+        return GnssDrift(_with_times(stated, times).positions, stated.drift_s)
+
+    return _likeliest_pair(same, drift, knots, state, MIN_GAIN)
+
+
+def with_shown_force_noise(adjusted: Fitted) -> tuple[InertialProblem, float]:
+    """The problem with a noise of the specific force as large as shown, of the map's axes and of heights.
+
+    Returns:
+        the problem, and its largest noise over the stated one; 1 where it is as stated.
+    """
+    stated, times, fit = adjusted.problem, (1.0, 1.0), adjusted
+    for _ in range(SEARCHES):
+        before, times = times, _likeliest_force_times(stated, fit)
+        if np.allclose(times, before, rtol=SETTLED_TIMES):
+            break
+        fit = fitted(_with_force_times(stated, times), fit.state)
+    return _with_force_times(stated, times), max(times)
+
+
+def _with_force_times(stated: InertialProblem, times: tuple[float, float]) -> InertialProblem:
+    """The problem with a noise of the specific force so many times the stated one."""
+    return replace(stated, links=replace(stated.links, force_times=times))
+
+
+def _likeliest_force_times(stated: InertialProblem, fit: Fitted) -> tuple[float, float]:
+    """Times the stated noise, of the map's axes and of heights, linearised at a fit."""
+    knots, state = stated.knots, fit.state
+    drift, _, *hints = beside_positions(stated)  # the IMU comes second
+    same = normal_equations((fit.observed, drift, *hints), knots, state)
+
+    def links(times: tuple[float, float]) -> Observation:
+        return _with_force_times(stated, times).links
+
+    return _likeliest_pair(same, links, knots, state, 0.0)
+
+
+def with_shown_scatter(adjusted: Fitted) -> tuple[InertialProblem, tuple[float, float]]:
+    """The problem with a white noise of the positions as large as shown, of the map's axes and of heights.
+
+    Returns:
+        the problem, and this noise over the stated one, of the map's axes and of heights; 1 where it is as stated.
+    """
+    stated, times, fit = adjusted.problem, (1.0, 1.0), adjusted
+    for _ in range(SEARCHES):
+        before, times = times, _likeliest_scatter(stated, fit)
+        if np.allclose(times, before, rtol=SETTLED_TIMES):
+            break
+        fit = fitted(_with_scatter(stated, times), fit.state)
+    return _with_scatter(stated, times), times
+
+
+def _with_scatter(stated: InertialProblem, times: tuple[float, float]) -> InertialProblem:
+    """The problem with a white noise of the positions so many times the stated one."""
+    positions = stated.positions
+    return replace(stated, positions=replace(positions, white_m=positions.white_m * np.repeat(times, (2, 1))))
+
+
+def _likeliest_scatter(stated: InertialProblem, fit: Fitted) -> tuple[float, float]:
+    """Times the stated white noise, of the map's axes and of heights, linearised at a fit."""
+    knots, state = stated.knots, fit.state
+    same = normal_equations(beside_positions(stated), knots, state)
+
+    def antenna(times: tuple[float, float]) -> Observation:
+        return replace(fit.observed, positions=_with_scatter(stated, times).positions)
+
+    return _likeliest_pair(same, antenna, knots, state, MIN_GAIN)
+
+
+def _likeliest_pair(
+    same: NormalEquations,
+    with_times: Callable[[tuple[float, float]], Observation],
+    knots: Knots,
+    state: State,
+    min_gain: float,
+) -> tuple[float, float]:
+    """Factors of the standard deviations of one kind of observation, of the map's axes and of heights.
+
+    Args:
+        same: equations of all other observations.
+        min_gain: of heights it is MIN_GAIN_TOO at most where the map's axes are shown to err.
+    """
+
     @cache
     def deviance(horizontal: float, vertical: float) -> float:
         equations = same.copied()
-        drift = GnssDrift(_with_times(stated, (horizontal, vertical)).positions, stated.drift_s)
-        drift.add(equations, knots, state)
+        with_times((horizontal, vertical)).add(equations, knots, state)
         solution = equations.solve()
         squares = equations.squares - float(equations.right @ solution.values)
         return squares + 2.0 * equations.log_sigmas + solution.log_determinant
 
-    horizontal = likeliest(lambda times: deviance(times, 1.0), MIN_GAIN)
-    least = MIN_GAIN if horizontal == 1.0 else MIN_GAIN_TOO
+    horizontal = likeliest(lambda times: deviance(times, 1.0), min_gain)
+    least = min_gain if horizontal == 1.0 else min(min_gain, MIN_GAIN_TOO)
     return horizontal, likeliest(lambda times: deviance(horizontal, times), least)
 
 

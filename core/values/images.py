@@ -44,17 +44,21 @@ ImageFile = Path | StoredImage
 class Images:
     """Images in the order of time, by the UTC (n,) stated for each.
 
-    `lon_lat_h` (n, 3) are longitude and latitude in degrees and height in metres, nan where files do not state them.
+    Attributes:
+        lon_lat_h: (n, 3) longitude and latitude in degrees and height in metres, nan where files do not state them.
+        sigma_m: (n, 3) standard deviations of easting, northing and height, nan where files do not state them.
     """
 
     paths: tuple[ImageFile, ...]
     t_s: FloatArray
     lon_lat_h: FloatArray
+    sigma_m: FloatArray
 
     def __post_init__(self) -> None:
         n = len(self.paths)
-        if self.t_s.shape != (n,) or self.lon_lat_h.shape != (n, 3):
-            raise ValueError(f"Images has {n} paths, t_s {self.t_s.shape}, lon_lat_h {self.lon_lat_h.shape}")
+        if self.t_s.shape != (n,) or self.lon_lat_h.shape != (n, 3) or self.sigma_m.shape != (n, 3):
+            shapes = f"t_s {self.t_s.shape}, lon_lat_h {self.lon_lat_h.shape}, sigma_m {self.sigma_m.shape}"
+            raise ValueError(f"Images has {n} paths, {shapes}")
         if not bool(np.all(np.diff(self.t_s) >= 0)):
             raise ValueError("Images.t_s decreases")
 
@@ -62,15 +66,24 @@ class Images:
         return len(self.paths)
 
     @classmethod
-    def sorted(cls, paths: Sequence[ImageFile], t_s: FloatArray, lon_lat_h: FloatArray | None = None) -> "Images":
-        """Images in any order; without `lon_lat_h` (n, 3) their positions are unknown."""
-        place = np.full((len(paths), 3), np.nan) if lon_lat_h is None else lon_lat_h.reshape(-1, 3)
+    def sorted(
+        cls,
+        paths: Sequence[ImageFile],
+        t_s: FloatArray,
+        lon_lat_h: FloatArray | None = None,
+        sigma_m: FloatArray | None = None,
+    ) -> "Images":
+        """Images in any order; without `lon_lat_h` and `sigma_m` (n, 3) these are unknown."""
+        unknown = np.full((len(paths), 3), np.nan)
+        place = unknown if lon_lat_h is None else lon_lat_h.reshape(-1, 3)
+        sigma = unknown if sigma_m is None else sigma_m.reshape(-1, 3)
         order = np.argsort(t_s, kind="stable")
-        return cls(tuple(paths[k] for k in order), t_s[order], place[order])
+        return cls(tuple(paths[k] for k in order), t_s[order], place[order], sigma[order])
 
     def chosen(self, which: NDArray[np.intp]) -> "Images":
         """Those of some numbers (k,), which increase."""
-        return Images(tuple(self.paths[k] for k in which.tolist()), self.t_s[which], self.lon_lat_h[which])
+        paths = tuple(self.paths[k] for k in which.tolist())
+        return Images(paths, self.t_s[which], self.lon_lat_h[which], self.sigma_m[which])
 
     def earlier_by(self, seconds: float) -> "Images":
         """The images with earlier times."""
@@ -83,4 +96,8 @@ def joined(parts: Sequence[Images]) -> Images:
         return parts[0]
     paths = [path for part in parts for path in part.paths]
     times = np.concatenate([np.zeros(0), *(part.t_s for part in parts)])
-    return Images.sorted(paths, times, np.concatenate([np.zeros((0, 3)), *(part.lon_lat_h for part in parts)]))
+    place, sigma = (
+        np.concatenate([np.zeros((0, 3)), *values])
+        for values in ([part.lon_lat_h for part in parts], [part.sigma_m for part in parts])
+    )
+    return Images.sorted(paths, times, place, sigma)

@@ -30,8 +30,12 @@ def photo(kind: str) -> bytes:
     exif = Image.Exif()
     exif.get_ifd(0x8769).update({0x9003: "2026:05:23 11:41:12", 0x9291: "25", 0x9011: "+02:00"})
     exif.get_ifd(0x8825).update({1: "N", 2: (55.0, 20.0, 30.0), 3: "E", 4: (11.0, 23.0, 6.0), 6: 12.5})
+    names = {"RtkFlag": 50, "GpsLatitude": 55.3, "GpsLongitude": 11.4, "AbsoluteAltitude": 99.5, "RtkStdLon": 0.01}
+    said = " ".join(f'drone-dji:{name}="{value}"' for name, value in names.items())
+    xmp = f'<x xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/" {said}/>'.encode()
+    packet = {"xmp": xmp} if kind == "JPEG" else {}
     out = io.BytesIO()
-    Image.linear_gradient("L").resize((24, 16)).convert("RGB").save(out, kind, exif=exif)
+    Image.linear_gradient("L").resize((24, 16)).convert("RGB").save(out, kind, exif=exif, **packet)
     return out.getvalue()
 
 

@@ -14,7 +14,6 @@ from furrowmap.core.images.frames import frames_along
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.pipeline.pipeline import ground_scale
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.values.images import Images
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 
 FIRST = 85
@@ -56,7 +55,7 @@ def test_colours__of_soil_are_those_of_a_frame_that_was_held_out(shared_data: Pa
     opened = open_session(folder / "session.toml")
     table = np.genfromtxt(folder / "truth" / "trajectory.csv", delimiter=",", names=True)
     images = opened.images([])
-    images = Images(images.paths[FIRST : FIRST + 3], images.t_s[FIRST : FIRST + 3], images.lon_lat_h[FIRST : FIRST + 3])
+    images = images.chosen(np.arange(FIRST, FIRST + 3))
     near = np.abs(table["time_unix_s"] - images.t_s[1]) < 2.0
     t_s, e, n, h, roll, pitch, heading = (table[name][near] for name in table.dtype.names)
     truth = trajectory_from_attitude(t_s, np.column_stack([e, n, h]), roll, pitch, heading, max_gap_s=0.1)
