@@ -76,7 +76,14 @@ from furrowmap.core.trajectory.position_drift import (
     with_shown_force_noise,
     with_shown_scatter,
 )
-from furrowmap.core.trajectory.positions import climb_notices, positions_without_steps, quality_words, usable
+from furrowmap.core.trajectory.positions import (
+    MEDIAN_OF_MEAN,
+    WHITE_EPOCHS,
+    climb_notices,
+    positions_without_steps,
+    quality_words,
+    usable,
+)
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.margins import margin
@@ -90,6 +97,8 @@ MIN_DOUBTED_S: Final = 1.0
 MAX_DOUBTED_SHARE: Final = 0.02
 """Outliers come one by one. Positions that lie outside of their noise for longer, in sum for so much of the time, have
 errors that their standard deviations do not hold: the trajectory bends from one to the other side of a step."""
+OWN_SCATTER_SHARE: Final = 0.75
+"""White noise shows in the differences between positions; what they move by within a second shows less there."""
 MAX_NOISE_FACTOR: Final = 1.5
 """White noise that is larger than what the spectrum of the measurements shows, by this factor, is none of the IMU."""
 
@@ -128,8 +137,25 @@ class Explained:
                 return Notice("contradiction.unknown", times=self.times, is_imu=self.is_certain)
             return Notice("imu-noisier", times=self.times)
         if self.cause == "scatter":
-            return Notice("imu-misses-motion", times=self.times)
+            alone = scatter_by_themselves(self.adjusted)
+            return Notice("contradiction.scatter" if alone else "imu-misses-motion", times=self.times)
         return None
+
+
+def scatter_by_themselves(adjusted: Fitted) -> bool:
+    """Whether positions scatter as much from one to the next as around the trajectory, as noise of their own does.
+
+    Of the axis that scatters most, by third differences (:func:`.positions.white_noise_m`).
+    """
+    positions = adjusted.problem.positions
+    if len(positions.t_s) < WHITE_EPOCHS:
+        return False
+    residual_m = adjusted.observed.residuals_m(adjusted.problem.knots, adjusted.state)
+    around_m = np.sqrt(np.nanmean(residual_m**2, axis=0))
+    third_m = np.median(np.abs(np.diff(positions.xyz_m, 3, axis=0)), axis=0)
+    own_m = third_m / (MEDIAN_OF_MEAN[1] * np.sqrt(20.0))
+    worst = int(np.argmax(around_m))
+    return bool(own_m[worst] > OWN_SCATTER_SHARE * around_m[worst])
 
 
 def agrees(adjusted: InertialAdjustment) -> bool:
@@ -452,8 +478,11 @@ def _as_doubtful(
     # The place of the IMU may be off instead of that of the antenna.
     sigma[:, :3] = np.hypot(sigma[:, :3], rotation @ found.lever_off_m)
     if contradiction is not None and contradiction.code == CONTRADICTION and found.cause == "noise":
-        # What scatters is no noise, and does not become less with time.
+        # What scatters is no noise, and does not become less with time; the antenna is where the positions are.
         sigma[:, 3:] *= found.times
+        turned_rad = np.radians(np.minimum(np.linalg.norm(sigma[:, 3:], axis=1), 180.0))
+        arm_m = float(np.linalg.norm(found.adjusted.problem.lever_m))
+        sigma[:, :3] = np.hypot(sigma[:, :3], (turned_rad * arm_m)[:, None])
     for notice in turned:
         yaw_deg = float(str(dict(notice.values)["yaw_deg"]))
         tilt = np.degrees(np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0))) * 2.0 * np.sin(np.radians(0.5 * yaw_deg))

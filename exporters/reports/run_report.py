@@ -146,6 +146,7 @@ FLIGHT_CAUSES: Final = {
     "contradiction.contradiction-notice": "mounting",
     "contradiction.ground": "unknown",
     "contradiction.height-creep": "creep",
+    "contradiction.scatter": "positions",
     "imu-turned": "mounting",
     "geoid-separation": "geoid",
     "gnss-height-steps": "positions",

@@ -302,7 +302,8 @@ def sensors_and_time(
     """
     found: Counter[PacketSender] = Counter()
     first, tai_s = list[Datagrams](), None
-    for datagrams in blocks:
+    rest = iter(blocks)
+    for datagrams in rest:
         first.append(_beginnings(datagrams))
         skipped["other UDP datagrams"] += len(datagrams) - len(first[-1])
         found.update(looks_like_data(datagrams))
@@ -318,11 +319,18 @@ def sensors_and_time(
     sensors, uncertain = sensors_of(path, found, metadata_beside(path), model)
     sensors = chosen_by_source(sensors, path, source)
     sender, metadata = sensors[0]
-    mine = [sender.sort(datagrams, metadata) for datagrams in first]
-    stamp_ns = np.concatenate([metadata.heads(d.data, d.offset[m]).stamp_ns for d, m in zip(first, mine, strict=True)])
-    host_s = np.concatenate([d.time_s[m] for d, m in zip(first, mine, strict=True)])
+    stamps, times = zip(*(_times_of(datagrams, sender, metadata) for datagrams in first), strict=True)
+    stamp_ns, host_s = np.concatenate(stamps), np.concatenate(times)
+    while not (stamp_ns > 0).any() and (datagrams := next(rest, None)) is not None:  # no valid column so far
+        stamp_ns, host_s = _times_of(datagrams, sender, metadata)
     time, clock_notices = settle(stamp_ns, host_s, metadata, tai_s)
     return sensors, time, uncertain + clock_notices
+
+
+def _times_of(datagrams: Datagrams, sender: PacketSender, metadata: Metadata) -> tuple[IntArray, FloatArray]:
+    """Stamps (m,) of the data packets of a sensor, and the recorder's times (m,) of these."""
+    mine = sender.sort(datagrams, metadata)
+    return metadata.heads(datagrams.data, datagrams.offset[mine]).stamp_ns, datagrams.time_s[mine]
 
 
 def chosen_by_source(sensors: list[OusterSensor], path: Path, source: str | None) -> list[OusterSensor]:

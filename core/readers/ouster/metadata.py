@@ -354,11 +354,15 @@ def settle(
     """What the stamps count from, and what is unusual about it.
 
     Args:
-        stamp_ns: (m,) stamps of the first packets, m > 0.
+        stamp_ns: (m,) stamps of the first packets, m > 0; those of 0 are of packets without a valid column.
         host_s: (m,) the recorder's times of these.
         tai_s: TAI minus UTC as PTP announced it; None if it did not.
     """
     mode = metadata.timestamp_mode
+    known = stamp_ns > 0
+    if known.any():
+        stamp_ns = stamp_ns[known]
+        host_s = host_s[known]
     if np.median(stamp_ns) < _EPOCH_NS:
         apart_ns = stamp_ns - np.round(host_s * 1e9).astype(np.int64)
         why = f"set by nothing ({mode or 'mode not stated'})"

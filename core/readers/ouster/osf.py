@@ -46,6 +46,8 @@ _MAX_PART_BYTES: Final = 1 << 28
 _MAX_SHARED: Final = 4
 """Bytes of vectors that are read from a buffer, for each of its own."""
 _MAX_STREAMS: Final = 256
+_FIRST_TURNS: Final = 3
+"""Turns by which the clock is told."""
 _MAX_RANGE_MM: Final = (1 << 19) - 1
 _OSF_FAULTS: Final = (struct.error, ValueError, IndexError, UnicodeDecodeError, zstd.ZstdError)
 """What damaged content raises."""
@@ -151,18 +153,36 @@ class OusterOsf(OusterReader):
             there = "; ".join(sensor.name for sensor in sensors)
             raise InputError("ouster-other-sensor", path=self.paths[0], model=options.model, there=there)
         self._sensors = chosen_by_source(self._sensors, self.paths[0], options.source)
-        with closing(self._packets(self.paths[0], Counter())) as batches:
-            first = next(batches, None)
+        stamp_ns, host_s = self._first_times()
         self.notices.clear()
-        if first is None:
-            raise _damaged(self.paths[0], "it has no scans of its sensor")
-        stamp_ns = self._decoder_metadata().heads(*first[:2]).stamp_ns
-        self._time, self._uncertain = settle(stamp_ns, first[2], self._sensors[0].metadata, None)
+        self._time, self._uncertain = settle(stamp_ns, host_s, self._sensors[0].metadata, None)
 
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain by the identifier of the header."""
         return float(head.data[8:12] == _HEADER)
+
+    def _first_times(self) -> tuple[IntArray, FloatArray]:
+        """Stamps (m,) of the packets of the first turns that have any, and the recorder's times (m,) of these.
+
+        Turns without a valid column or a time, as of a sensor that starts, and damaged ones show no clock.
+        """
+        metadata = self._decoder_metadata()
+        stamps, times, turns, valid = [], [], 0, 0
+        with closing(self._packets(self.paths[0], Counter())) as batches:
+            for data, offset, host_s, _ in batches:
+                stamp_ns = metadata.heads(data, offset).stamp_ns
+                known = stamp_ns > 0
+                turns += 1
+                valid += bool(known.any())
+                stamps.append(stamp_ns[known])
+                times.append(host_s[known])
+                if valid == _FIRST_TURNS:
+                    break
+        if not valid:
+            why = "its turns have no valid columns" if turns else "it has no scans of its sensor"
+            raise _damaged(self.paths[0], why)
+        return np.concatenate(stamps), np.concatenate(times)
 
     def _decoder_metadata(self) -> Metadata:
         """Those of the packets that are made."""

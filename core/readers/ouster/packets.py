@@ -72,7 +72,7 @@ class OusterDecoder:
         """
         m = self.metadata
         head = m.heads(data, offset)
-        kept = self._in_order(head)
+        kept = self._in_order(head) & (head.stamp_ns > 0)  # without a valid column the stamp is 0
         offset, host_s, head = offset[kept], host_s[kept], Heads(*(values[kept] for values in head))
         if not len(offset):
             return []

@@ -131,6 +131,10 @@ class _PointTimes(NamedTuple):
     origin: str  # "utc", "stamp" (of the message), or "first" (unknown: the first return is placed at the stamp)
 
 
+MIN_TELLING_RETURNS: Final = 100
+"""Clouds of fewer returns do not show how lasers are counted."""
+
+
 class CloudScans:
     """Decodes the PointCloud2 messages of one topic into scans, one scan per message."""
 
@@ -214,7 +218,7 @@ class CloudScans:
 
     def _ranked(self, scan: Scan, ring: NDArray[Any] | None) -> Scan:
         """The scan with its lasers counted from the lowest, and their number; rings are those of all its slots."""
-        if ring is None:
+        if ring is None or (self._lasers == 0 and len(scan) < MIN_TELLING_RETURNS):
             return scan
         if self._lasers == 0:
             self._rosette = not has_rings(scan)

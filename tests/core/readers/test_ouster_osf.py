@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import gzip
+import json
+import struct
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 import pytest
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.runtime.errors import InputError
-from tests.core.readers.osf_files import osf_of
+from furrowmap.core.values.scan import Clock
+from tests.core.readers.osf_files import RECORD, osf_of
 from tests.core.readers.test_ouster import changed, recorded, scans_of
 
 
@@ -75,3 +79,77 @@ def test_damaged_files__say_what_is_lost(capture: Path, tmp_path: Path) -> None:
         with pytest.raises(InputError, match=words) as caught:
             Recognised.by_content(path).inspect()
         assert caught.value.code == "osf-unreadable"
+
+
+def with_turns(capture: Path, folder: Path, lost: slice, *, ahead_s: int = 0) -> Path:
+    """The capture with some turns without valid columns, whose stamps are 0, and other stamps later by some seconds."""
+    data = capture.read_bytes()
+    packets = np.frombuffer(data, RECORD, offset=24).copy()
+    packets["columns"]["ns"] = packets["columns"]["ns"].astype(np.int64) + ahead_s * 10**9
+    for frame in np.unique(packets["frame"])[lost]:
+        columns = packets["columns"][packets["frame"] == frame]
+        columns["ns"] = 0
+        columns["status"] = 0
+        packets["columns"][packets["frame"] == frame] = columns
+    path = folder / "lost.pcap"
+    path.write_bytes(data[:24] + packets.tobytes())
+    said = json.loads(capture.with_suffix(".json").read_text())
+    said["config_params"]["timestamp_mode"] = "TIME_FROM_PTP_1588"
+    path.with_suffix(".json").write_text(json.dumps(said))
+    return path
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("packed", [True, False])
+@pytest.mark.parametrize(("ahead_s", "told"), [(0, None), (37, "ouster-clock-tai"), (-3600, "ouster-clock-apart")])
+def test_clock__is_not_told_by_a_turn_without_columns(
+    capture: Path, tmp_path: Path, ahead_s: int, told: str | None, *, packed: bool
+) -> None:
+    whole = with_turns(capture, tmp_path, slice(0), ahead_s=ahead_s)
+    expected, scans = scans_of(whole)
+    path = with_turns(capture, tmp_path, slice(0, 1), ahead_s=ahead_s)
+    if packed:
+        (tmp_path / "lost.osf").write_bytes(osf_of([path]))
+        path = tmp_path / "lost.osf"
+    reader, found = scans_of(path)
+    assert (reader.clock, reader.clock) == (expected.clock, Clock.SENSOR)
+    codes = {notice.code for notice in reader.notices}  # type: ignore[attr-defined]
+    assert codes & {"ouster-clock-own", "ouster-clock-tai", "ouster-clock-apart"} == ({told} if told else set())
+    np.testing.assert_array_equal(found[-1].t_s, scans[-1].t_s)
+
+
+@pytest.mark.filterwarnings("error")
+def test_turns_without_any_valid_column__are_told_as_such(capture: Path, tmp_path: Path) -> None:
+    path = tmp_path / "drive.osf"
+    path.write_bytes(osf_of([with_turns(capture, tmp_path, slice(None))]))
+    with pytest.raises(InputError, match="its turns have no valid columns") as caught:
+        Recognised.by_content(path).inspect()
+    assert caught.value.code == "osf-unreadable"
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("encoding", ["zpng", "png"])
+def test_unreadable_image__costs_its_turn_alone(capture: Path, tmp_path: Path, encoding: str) -> None:
+    data = bytearray(osf_of([capture], encoding=encoding))
+    begin = data.index(b"OSF!") - 8
+    size = struct.unpack_from("<I", data, begin)[0]
+    mark = b"\x89PNG" if encoding == "png" else b"\xf8\xfb"
+    at = data.index(mark, begin)
+    data[at + 60 : at + 90] = bytes(30)
+    data[begin + 4 + size : begin + 8 + size] = struct.pack("<I", crc32(data[begin : begin + 4 + size]))
+    path = tmp_path / "drive.osf"
+    path.write_bytes(data)
+    reader, scans = scans_of(path)
+    assert "osf-damaged" in {notice.code for notice in reader.notices}  # type: ignore[attr-defined]
+    expected, whole = scans_of(capture)
+    assert (reader.clock, len(scans)) == (expected.clock, len(whole) - 1)
+    np.testing.assert_array_equal(scans[-1].t_s, whole[-1].t_s)
+
+
+@pytest.mark.filterwarnings("error")
+def test_sample_with_a_lost_first_turn__is_dated_by_the_recorder(shared_data: Path) -> None:
+    folder = shared_data / "foreign" / "21-osf-first-turn-without-columns"
+    reader, scans = scans_of(folder / "first_frame_invalid_osc.osf")
+    assert "ouster-clock-own" in {notice.code for notice in reader.notices}  # type: ignore[attr-defined]
+    assert reader.clock is Clock.RECORDER
+    assert scans[0].t_s[0] == pytest.approx(1765521702.998, abs=0.05)  # 2025-12-12T06:41:42.998Z
