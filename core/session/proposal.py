@@ -266,8 +266,10 @@ def propose_session(
             *([] if flies else [_FIELD_COMMENT]),
         ]
     )
+    told = dict.fromkeys(notice for r in ordered for notice in r.inspection.notices)
     found = [
         *(Notice("recording", name=r.path.name, title=r.inspection.title) for r in ordered),
+        *(notice for notice in told if notice.code not in _OF_SCANNERS),
         *([Notice("flight", height_m=flight.height_m)] if flight is not None else []),
         *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s > 0),
         *([Notice("crs", code=crs.code, crs=crs.name, reason=crs.reason)] if crs is not None else []),
@@ -283,7 +285,7 @@ def propose_session(
         *(Notice("recording-unused.unused", r=r.path.name, title=r.inspection.title) for r in unused),
         *(Notice("recording-unused.same-time", r=r.path.name, other=gnss[0].path.name) for r in repeated),
         *(Notice(f"{code}.missing", unknown=FILL_IN) for code, absent in lacking.items() if absent),
-        *(notice for r in used for notice in r.inspection.notices if notice.code in _OF_SCANNERS),
+        *(notice for notice in told if notice.code in _OF_SCANNERS),
         *places_missing(
             machine, flight, scans=sensed, states=bool(states), poses=bool(poses), inertial=bool(inertial), flies=flies
         ),

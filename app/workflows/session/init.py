@@ -27,7 +27,7 @@ NAMED_FILES: Final = 5
 
 @dataclass(frozen=True)
 class ProposedSession:
-    """A session file that was written; what the recordings show, and what a run needs that they do not show."""
+    """A session file that was written; what recordings show, with what is unusual about them, and what a run lacks."""
 
     path: Path
     found: tuple[Notice, ...]
