@@ -84,10 +84,15 @@ def read_marks(path: Path) -> dict[int, ExposureMark]:
         if match is None:
             continue
         number, second, week, _, _, _, lat, lon, height, north, east, up, quality = match.groups()
-        sigma = tuple(float(value) if value and float(value) > 0.0 else float("nan") for value in (east, north, up))
+        sigma = _sigma_m(east), _sigma_m(north), _sigma_m(up)
         place = float(lon), float(lat), float(height)
         if place[:2] == (0.0, 0.0):
-            place = sigma = (float("nan"),) * 3
+            place = sigma = (float("nan"), float("nan"), float("nan"))
         t_s = float(gps_to_utc_s(int(week) * WEEK_S + float(second)))
         marks[int(number)] = ExposureMark(t_s, place, sigma, int(quality or 0) >= FIXED_FROM)
     return marks
+
+
+def _sigma_m(text: str | None) -> float:
+    """A standard deviation; nan where there is none, or 0 for unknown."""
+    return float(text) if text and float(text) > 0.0 else float("nan")
