@@ -220,9 +220,10 @@ class InertialLinks(Observation):
         way_rows[:, :, force : force + 3] = 0.5 * dt**2 * stretch[:, None] * rotation
         way_rows -= 0.5 * dt * stretch[:, None] * velocity_rows
 
-        rate = np.full(3, self.noise.rate)
-        force = self.noise.force * np.repeat(self.force_times, (2, 1))
-        sigma = rate * np.sqrt(dt), force * np.sqrt(dt), np.hypot(force * np.sqrt(dt**3 / 12.0), MIN_WAY_SIGMA_M)
+        turn_noise = np.full(3, self.noise.rate)
+        push_noise = self.noise.force * np.repeat(self.force_times, (2, 1))
+        way_sigma = np.hypot(push_noise * np.sqrt(dt**3 / 12.0), MIN_WAY_SIGMA_M)
+        sigma = turn_noise * np.sqrt(dt), push_noise * np.sqrt(dt), way_sigma
         for rows, residual, ones in zip(design, (-turned, -faster, -farther), sigma, strict=True):
             for axis in range(3):
                 one = np.full(len(linked), ones[axis])

@@ -219,7 +219,7 @@ def _of_lever(stated: InertialAdjustment, moved: InertialAdjustment) -> Explaine
     return Explained("lever-arm", moved, lever_off_m=moved.problem.lever_m - stated.problem.lever_m)
 
 
-def with_jumps(adjusted: Fitted) -> list[Hypothesis]:
+def with_jumps(adjusted: InertialAdjustment) -> list[Hypothesis]:
     """Steps between positions where the trajectory bends from one side to the other; each side may be off."""
     positions, doubted = adjusted.problem.positions, _doubted(adjusted)
     if not doubted:

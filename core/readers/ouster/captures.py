@@ -321,8 +321,8 @@ def sensors_and_time(
     sender, metadata = sensors[0]
     stamps, times = zip(*(_times_of(datagrams, sender, metadata) for datagrams in first), strict=True)
     stamp_ns, host_s = np.concatenate(stamps), np.concatenate(times)
-    while not (stamp_ns > 0).any() and (datagrams := next(rest, None)) is not None:  # no valid column so far
-        stamp_ns, host_s = _times_of(datagrams, sender, metadata)
+    while not (stamp_ns > 0).any() and (further := next(rest, None)) is not None:  # no valid column so far
+        stamp_ns, host_s = _times_of(further, sender, metadata)
     time, clock_notices = settle(stamp_ns, host_s, metadata, tai_s)
     return sensors, time, uncertain + clock_notices
 
