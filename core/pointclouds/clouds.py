@@ -485,11 +485,14 @@ def _identify_crs(flat: pyproj.CRS, place: Bounds) -> pyproj.CRS:
 
 
 def _bounds(files: Sequence[CloudFile], flat: pyproj.CRS) -> Bounds | None:
-    """Bounds of the first points, as those of headers may be wrong; None without points."""
+    """Bounds of the first points but a few that may lie far off; those of headers may be wrong. None without points."""
     for file in files:
         for batch in file.batches(batch_points=10_000):
             if len(batch):
-                return bounds_in(flat, batch.xyz_m[:, :2])
+                xy = batch.xyz_m[:, :2]
+                low = np.quantile(xy, MAX_FAR_SHARE, axis=0, method="lower")
+                high = np.quantile(xy, 1.0 - MAX_FAR_SHARE, axis=0, method="higher")
+                return bounds_in(flat, xy[((xy >= low) & (xy <= high)).all(axis=1)])
     return None
 
 
