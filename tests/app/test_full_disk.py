@@ -26,6 +26,8 @@ from tests.app.command_cases import CASES, WITHOUT_FILES, Case, materials
 from tests.app.test_killed import KILLS, Mortal
 
 DISK_BYTES = 256 << 20
+ALWAYS = ("run", "batch", "surface", "parcels", "export gpkg", "share", "farm add", "check --table")
+"""Run with a full folder of temporary files in every test, one of each kind of output; `make kills` takes all."""
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no file systems of a fixed size")
 
 
@@ -155,7 +157,7 @@ def test_promise_19__full_disk_of_the_output(name: str, made: dict[str, Path], d
 
 
 @pytest.mark.parametrize("kind", ["full", "nearly full", "missing", "a file"] if KILLS else ["nearly full"])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", CASES if KILLS else ALWAYS)
 def test_promise_19__folder_of_temporary_files_that_is_full_or_none(
     name: str, kind: str, made: dict[str, Path], disk: Path, tmp_path: Path, program: Mortal
 ) -> None:
