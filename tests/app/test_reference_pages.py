@@ -320,6 +320,7 @@ def test_products_page__keys_of_the_report(result: furrowmap.Result) -> None:
         inner = result.report[part]["implement"] if part == "figures" else {}
         assert {name for name in named if name not in {**result.report[part], **inner}} <= {
             "field", "east_m", "north_m", "up_m", "residual_rms_m", "transitions", "walls",
+            "name", "left_m", "width_m", "working_s",  # of the sections of task data
         }, part  # fmt: skip
 
 
