@@ -75,6 +75,7 @@ class CsvFile(Source):
         super().__init__(path)
         self.notices = notices
         self._in_header = True
+        self._separator = ","  # until the header has been read: it may lack an end
         self._lines = self._complete_lines()
         lines = [next(self._lines, b"")]
         if (kind := binary_kind(lines[0])) is not None:
