@@ -33,7 +33,7 @@ from furrowmap.core.matching.portions import blocks
 from furrowmap.core.matching.registration import session_surface
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.trajectory.position_drift import (
+from furrowmap.core.trajectory.shown_errors import (
     MIN_GAIN,
     MIN_GAIN_TOO,
     SETTLED_TIMES,

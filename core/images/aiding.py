@@ -128,12 +128,13 @@ class ImageAid:
 
     def control_residuals(self) -> list[dict[str, Any]]:
         """Adjusted minus surveyed place, and residuals, of each control point; those that take no part have none."""
-        a, known = self.adjusted, self.control.known
+        adjusted = self.adjusted
+        known = self.control.known
         out: list[dict[str, Any]] = []
         for name, point, xyz_m in zip(known.name, known.point.tolist(), known.xyz_m, strict=True):
-            own = a.ties.point == point
-            rms = float(np.sqrt((a.residual_px[own] ** 2).sum(axis=1).mean()))
-            off = np.round(a.xyz_m[point] - xyz_m, 4).tolist()
+            own = adjusted.ties.point == point
+            rms = float(np.sqrt((adjusted.residual_px[own] ** 2).sum(axis=1).mean()))
+            off = np.round(adjusted.xyz_m[point] - xyz_m, 4).tolist()
             images = int(own.sum())
             out.append({"name": name, "images": images, "residual_px": round(rms, 3), "off_m": off, "used": True})
         for one in self.control.left_out:

@@ -70,12 +70,6 @@ from furrowmap.core.trajectory.inertial_start import (
 )
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.pose_errors import PoseErrors
-from furrowmap.core.trajectory.position_drift import (
-    MIN_GAIN,
-    with_shown_drift,
-    with_shown_force_noise,
-    with_shown_scatter,
-)
 from furrowmap.core.trajectory.positions import (
     MEDIAN_OF_MEAN,
     WHITE_EPOCHS,
@@ -83,6 +77,12 @@ from furrowmap.core.trajectory.positions import (
     positions_without_steps,
     quality_words,
     usable,
+)
+from furrowmap.core.trajectory.shown_errors import (
+    MIN_GAIN,
+    with_shown_drift,
+    with_shown_force_noise,
+    with_shown_scatter,
 )
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.inertial import InertialTrack

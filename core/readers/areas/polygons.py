@@ -98,7 +98,8 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
     for k, name in enumerate(table.columns[column]):
         rows.setdefault(name.strip(), []).append(k)
     others = {key: cells for key, cells in table.columns.items() if key not in (column, *names)}
-    shapes, attributes = [], []
+    shapes: list[shapely.Polygon] = []
+    attributes: list[dict[str, object]] = []
     for name, members in rows.items():
         if len(members) < 3:
             raise unreadable(f"parcel {name!r} has {len(members)} corners, and a polygon has three or more")

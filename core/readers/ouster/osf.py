@@ -168,7 +168,10 @@ class OusterOsf(OusterReader):
         Turns without a valid column or a time, as of a sensor that starts, and damaged ones show no clock.
         """
         metadata = self._decoder_metadata()
-        stamps, times, turns, valid = [], [], 0, 0
+        stamps: list[IntArray] = []
+        times: list[FloatArray] = []
+        turns = 0
+        valid = 0
         with closing(self._packets(self.paths[0], Counter())) as batches:
             for data, offset, host_s, _ in batches:
                 stamp_ns = metadata.heads(data, offset).stamp_ns

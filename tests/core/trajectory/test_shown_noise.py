@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.inertial_checks import densities, with_shown_noise
-from furrowmap.core.trajectory.position_drift import likeliest
+from furrowmap.core.trajectory.shown_errors import likeliest
 from furrowmap.core.values.inertial import InertialTrack
 from tests.core.trajectory.flights import INDUSTRIAL
 

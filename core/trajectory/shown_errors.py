@@ -1,4 +1,6 @@
-"""How large the slow error of positions is, by what inertial measurements show of it.
+"""How large errors are that positions and inertial measurements show of each other, over the stated ones.
+
+They are the slow error and the white noise of positions, and the noise of the specific force.
 
 Within seconds, a first-order Gauss-Markov process of variance σ² and correlation time τ is a random walk of density
 2σ²/τ. Inertial measurements show this density only: the likelihood hardly changes where σ and √τ grow alike. Where the
@@ -41,17 +43,30 @@ def with_shown_drift(adjusted: Fitted) -> tuple[InertialProblem, float]:
     Returns:
         the problem, and its largest standard deviation of these errors over the stated one; 1 where it is as stated.
     """
-    stated, times, fit = adjusted.problem, (1.0, 1.0), adjusted
-    for _ in range(SEARCHES):
-        before, times = times, _likeliest_times(stated, fit)
-        if np.allclose(times, before, rtol=SETTLED_TIMES):
-            break
-        fit = fitted(_with_times(stated, times), fit.state)
+    stated = adjusted.problem
+    times = _shown_times(adjusted, _likeliest_times, _with_times)
     if times == (1.0, 1.0):
         return stated, 1.0
     longer = float(np.sqrt(UNKNOWN_CORRELATION_S / stated.drift_s))
     slow = _with_times(stated, (longer * times[0], longer * times[1]))
     return replace(slow, drift_s=UNKNOWN_CORRELATION_S), longer * max(times)
+
+
+def _shown_times(
+    adjusted: Fitted,
+    likeliest_times: Callable[[InertialProblem, Fitted], tuple[float, float]],
+    with_times: Callable[[InertialProblem, tuple[float, float]], InertialProblem],
+) -> tuple[float, float]:
+    """Times the stated errors, of the map's axes and of heights: searched at a fit, and again at the fit with them."""
+    fit = adjusted
+    times = (1.0, 1.0)
+    for _ in range(SEARCHES):
+        before = times
+        times = likeliest_times(adjusted.problem, fit)
+        if np.allclose(times, before, rtol=SETTLED_TIMES):
+            break
+        fit = fitted(with_times(adjusted.problem, times), fit.state)
+    return times
 
 
 def _with_times(stated: InertialProblem, times: tuple[float, float]) -> InertialProblem:
@@ -82,13 +97,8 @@ def with_shown_force_noise(adjusted: Fitted) -> tuple[InertialProblem, float]:
     Returns:
         the problem, and its largest noise over the stated one; 1 where it is as stated.
     """
-    stated, times, fit = adjusted.problem, (1.0, 1.0), adjusted
-    for _ in range(SEARCHES):
-        before, times = times, _likeliest_force_times(stated, fit)
-        if np.allclose(times, before, rtol=SETTLED_TIMES):
-            break
-        fit = fitted(_with_force_times(stated, times), fit.state)
-    return _with_force_times(stated, times), max(times)
+    times = _shown_times(adjusted, _likeliest_force_times, _with_force_times)
+    return _with_force_times(adjusted.problem, times), max(times)
 
 
 def _with_force_times(stated: InertialProblem, times: tuple[float, float]) -> InertialProblem:
@@ -114,13 +124,8 @@ def with_shown_scatter(adjusted: Fitted) -> tuple[InertialProblem, tuple[float, 
     Returns:
         the problem, and this noise over the stated one, of the map's axes and of heights; 1 where it is as stated.
     """
-    stated, times, fit = adjusted.problem, (1.0, 1.0), adjusted
-    for _ in range(SEARCHES):
-        before, times = times, _likeliest_scatter(stated, fit)
-        if np.allclose(times, before, rtol=SETTLED_TIMES):
-            break
-        fit = fitted(_with_scatter(stated, times), fit.state)
-    return _with_scatter(stated, times), times
+    times = _shown_times(adjusted, _likeliest_scatter, _with_scatter)
+    return _with_scatter(adjusted.problem, times), times
 
 
 def _with_scatter(stated: InertialProblem, times: tuple[float, float]) -> InertialProblem:
