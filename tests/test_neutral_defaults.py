@@ -66,6 +66,8 @@ FACTORS: Final = {
     "core/adjustment/consistency.py Seen.slow_times": 1.0,
     "core/adjustment/problem.py SlowErrors.times[0]": 1.0,
     "core/adjustment/problem.py SlowErrors.times[1]": 1.0,
+    "core/estimation/inertial.py InertialLinks.force_times[0]": 1.0,
+    "core/estimation/inertial.py InertialLinks.force_times[1]": 1.0,
 }
 """Factors and directions."""
 POINTS: Final = {

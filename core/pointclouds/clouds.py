@@ -1,6 +1,5 @@
 """Several LAS, LAZ or COPC files read as one cloud in metres and one CRS."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -11,8 +10,14 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
-from furrowmap.core.geodesy.crs_change import CrsChange, bounds_in, crs_change
-from furrowmap.core.geodesy.measurable_crs import Bounds, expect_map, is_in_metres, proposed_crs
+from furrowmap.core.geodesy.measurable_crs import is_in_metres
+from furrowmap.core.pointclouds.cloud_crs import (
+    MAX_FAR_SHARE,
+    CloudSource,
+    common_crs,
+    first_bounds,
+    horizontal_and_vertical,
+)
 from furrowmap.core.readers.areas.area import Area, nothing_within
 from furrowmap.core.readers.las.cloud import Box, CloudFile, Survey, open_cloud
 from furrowmap.core.readers.las.points import CloudBatch, TimeKind
@@ -20,13 +25,9 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.values.crs import full_name_of, name_of
-from furrowmap.core.values.height_units import compound_crs, in_metres, vertical_unit_m
+from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.scan import PointClass
 
-SAME_PLACE_M: Final = 1e-4
-SAME_UNIT: Final = 1e-5
-"""The international and the US survey foot differ by 2e-6 of their length."""
 NOISE_CLASSES: Final = (7, 18)
 """Low and high noise (LAS 1.4 R15, table 17)."""
 MACHINE_CLASSES: Final = (PointClass.VEHICLE, PointClass.IMPLEMENT)
@@ -40,23 +41,6 @@ class CloudPoints:
     xyz_m: FloatArray
     t_s: FloatArray | None
     ground: NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class CloudSource:
-    """The CRS of a file of several, and what takes its points to that of all.
-
-    Attributes:
-        crs: as the file states it, or the user where it states none.
-        flat: its horizontal part.
-        change: transformation from `flat`; None where that is the CRS of all.
-        unit_m: metres in the unit of the heights.
-    """
-
-    crs: pyproj.CRS
-    flat: pyproj.CRS
-    change: CrsChange | None
-    unit_m: float
 
 
 @dataclass(frozen=True)
@@ -206,26 +190,9 @@ def open_clouds(
         if first is not path:
             raise UsageError("cloud-twice", path=path, first=first)
     files = tuple(open_cloud(path) for path in paths)
+    common = common_crs(files, crs, dst_crs, without_option=without_option)
     notices = [notice for file in files for notice in file.notices]
-    whole = [_source_crs(file, crs, notices) for file in files]
-    vertical = _common_heights(files, whole)
-    places = _places(files, whole)
-    if dst_crs is None:
-        target, changes = _common_map(files, places, notices)
-    else:
-        target = _parts(dst_crs)[0]
-        if not without_option:
-            _expect_heights(dst_crs, vertical, target)
-        changes = _changes(places, target, notices, without_option=without_option)
-    sources = {}
-    for file, source, place in zip(files, whole, places, strict=True):
-        # without a vertical CRS heights have the unit of the horizontal one, as is usual in LAS files
-        unit_m = vertical_unit_m(source) or 1.0
-        if unit_m != 1.0:
-            notices.append(Notice("heights-in-feet", unit_m=unit_m))
-        sources[file.path] = CloudSource(source, place.flat, changes[place.flat], unit_m)
-    output = target if vertical is None else compound_crs(target, vertical)
-    return Clouds(files, output, sources, tuple(dict.fromkeys(notices)))
+    return Clouds(files, common.crs, common.sources, tuple(dict.fromkeys([*notices, *common.notices])))
 
 
 def open_to_measure(path: Path, crs: pyproj.CRS | None = None) -> Clouds:
@@ -242,7 +209,7 @@ def open_to_measure(path: Path, crs: pyproj.CRS | None = None) -> Clouds:
     except InputError as error:
         if error.code not in ("crs-not-metres", "crs-distorted"):
             raise
-        flat = _parts(crs)[0] if crs is not None else None
+        flat = horizontal_and_vertical(crs)[0] if crs is not None else None
         chosen = [flat] if flat is not None and is_in_metres(flat) else []
         if error.values["proposal"] is not None:
             chosen.append(pyproj.CRS(error.values["proposal"]))
@@ -267,7 +234,7 @@ def no_points_error(clouds: Clouds, box: Box | None) -> InputError:
     """The error where no point is selected."""
     if clouds.area is not None:
         source = clouds.sources[clouds.files[0].path]
-        west, south, east, north = _bounds(clouds.files, source.flat) or (0.0, 0.0, 0.0, 0.0)
+        west, south, east, north = first_bounds(clouds.files, source.flat) or (0.0, 0.0, 0.0, 0.0)
         at = 0.5 * (west + east), 0.5 * (south + north)
         if source.change is not None:
             x, y = source.change(np.array([at[0]]), np.array([at[1]]))
@@ -290,216 +257,8 @@ def _within(batch: CloudBatch, box: Box | None) -> CloudBatch:
     return batch.where((x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3]))
 
 
-def _source_crs(file: CloudFile, crs: pyproj.CRS | None, notices: list[Notice]) -> pyproj.CRS:
-    """The CRS of a file: its own, or the stated one where it has none of a place on the Earth."""
-    if file.crs is None:
-        if crs is None:
-            raise InputError(
-                "crs-missing", file=file.path, is_file=any(notice.code == "crs-unreadable" for notice in file.notices)
-            )
-        return crs
-    flat, height = _parts(file.crs)
-    if flat.is_geocentric:
-        raise InputError("crs-geocentric", file=file.path, crs=full_name_of(file.crs))
-    if not (flat.is_projected or flat.is_geographic):
-        return _georeferenced(file, crs, notices)
-    if height is not None or crs is None or vertical_unit_m(file.crs) != 1.0:
-        return file.crs
-    stated, stated_height = _parts(crs)
-    if stated_height is None or not _same_map(flat, stated, _bounds([file], flat)):
-        return file.crs
-    return compound_crs(flat, stated_height)
-
-
-def _georeferenced(file: CloudFile, crs: pyproj.CRS | None, notices: list[Notice]) -> pyproj.CRS:
-    """The stated CRS of a file in a local one, or in one of heights alone."""
-    assert file.crs is not None
-    own = full_name_of(file.crs)
-    if crs is None:
-        raise InputError("crs-local", file=file.path, crs=own)
-    flat, height = _parts(file.crs)
-    stated, stated_height = _parts(crs)
-    if flat.is_vertical:
-        return crs if stated_height is not None else compound_crs(stated, flat)
-    units_m = [one.axis_info[0].unit_conversion_factor for one in (flat, stated)]
-    names = [one.axis_info[0].unit_name for one in (flat, stated)]
-    if not stated.is_geographic and not math.isclose(*units_m, rel_tol=SAME_UNIT):
-        raise InputError("crs-local.unit", file=file.path, crs=own, unit=names[0], stated=name_of(crs), other=names[1])
-    notices.append(Notice("crs-of-local", path=file.path.name, crs=own, stated=name_of(crs)))
-    return crs if height is None or stated_height is not None else compound_crs(stated, height)
-
-
-def _common_heights(files: Sequence[CloudFile], whole: Sequence[pyproj.CRS]) -> pyproj.CRS | None:
-    """The vertical CRS of all files, in metres; None where none states one."""
-    found = [_parts(in_metres(crs) or crs)[1] for crs in whole]
-    first = found[0]
-    for file, crs, other in zip(files, whole, found, strict=True):
-        if other is first or (first is not None and other is not None and _same_heights(first, other)):
-            continue
-        option = None
-        if first is None or other is None:
-            option = _compound_code(whole[0] if first is None else crs, first or other)
-        raise InputError(
-            "heights-differ-in-clouds",
-            first_file=files[0].path,
-            first=first.name if first is not None else None,
-            file=file.path,
-            other=other.name if other is not None else None,
-            option=option,
-        )
-    return first
-
-
-def _same_heights(one: pyproj.CRS, other: pyproj.CRS) -> bool:
-    """Whether two vertical CRSs in metres are the same, whatever the names that WKT 1 gives them."""
-    if one.equals(other):
-        return True
-    codes = [crs.to_epsg(min_confidence=20) for crs in (one, other)]
-    return codes[0] is not None and codes[0] == codes[1]
-
-
-def _same_map(one: pyproj.CRS, other: pyproj.CRS, bounds: Bounds | None) -> bool:
-    """Whether two horizontal CRSs are the same, whatever the names that WKT 1 gives them."""
-    if one.equals(other, ignore_axis_order=True):
-        return True
-    bases = [crs.geodetic_crs for crs in (one, other)]
-    if bounds is None or bases[0] is None or bases[1] is None or one.is_projected != other.is_projected:
-        return False
-    codes = [base.to_epsg(min_confidence=20) for base in bases if base is not None]
-    if codes[0] is None or codes[0] != codes[1]:
-        return False
-    at = 0.5 * (bounds[0] + bounds[2]), 0.5 * (bounds[1] + bounds[3])
-    there = pyproj.Transformer.from_crs(one, other, always_xy=True).transform(*at)
-    return math.dist(at, there) < SAME_PLACE_M
-
-
-def _compound_code(flat: pyproj.CRS, vertical: pyproj.CRS | None) -> str | None:
-    """The codes of a CRS and of heights as --crs takes them; None where one has no code."""
-    codes = [crs.to_authority() for crs in (_parts(flat)[0], vertical) if crs is not None]
-    if len(codes) < 2 or codes[0] is None or codes[1] is None or codes[0][0] != codes[1][0]:
-        return None
-    return f"{codes[0][0]}:{codes[0][1]}+{codes[1][1]}"
-
-
-@dataclass(frozen=True)
-class _FilePlace:
-    """The horizontal CRS of a file, and the bounds of some of the points in it; None without points."""
-
-    flat: pyproj.CRS
-    bounds: Bounds | None
-
-
-def _places(files: Sequence[CloudFile], whole: Sequence[pyproj.CRS]) -> list[_FilePlace]:
-    """Where the files are; the first points of files of one CRS stand for all of them."""
-    found: dict[pyproj.CRS, _FilePlace] = {}
-    for crs in whole:
-        flat = _parts(crs)[0]
-        if flat not in found:
-            same = [file for file, other in zip(files, whole, strict=True) if _parts(other)[0] == flat]
-            bounds = _bounds(same, flat)
-            found[flat] = _FilePlace(_identify_crs(flat, bounds) if bounds is not None else flat, bounds)
-    return [found[_parts(crs)[0]] for crs in whole]
-
-
-def _common_map(
-    files: Sequence[CloudFile], places: Sequence[_FilePlace], notices: list[Notice]
-) -> tuple[pyproj.CRS, dict[pyproj.CRS, CrsChange | None]]:
-    """The horizontal CRS that all files have, and that none of them needs a transformation to it."""
-    known = _known(places)
-    first = places[0].flat
-    for file, place in zip(files, places, strict=True):
-        if not _same_map(first, place.flat, place.bounds):
-            raise InputError(
-                "crs-mixed",
-                first_file=files[0].path,
-                first=full_name_of(first),
-                file=file.path,
-                other=full_name_of(place.flat),
-                proposal=proposed_crs(known),
-            )
-    stated_by = str(files[0].path) if files[0].crs is not None else f"{files[0].path} (--crs)"
-    notices += expect_map(first, known[:1], stated_by=stated_by)
-    return first, {place.flat: None for place in places}
-
-
-def _changes(
-    places: Sequence[_FilePlace], target: pyproj.CRS, notices: list[Notice], *, without_option: bool
-) -> dict[pyproj.CRS, CrsChange | None]:
-    """The transformation from each horizontal CRS of the files to another one; None where they are the same."""
-    known = _known(places)
-    changes: dict[pyproj.CRS, CrsChange | None] = {}
-    try:
-        notices += expect_map(target, known)
-        for place in places:
-            if place.flat in changes:
-                continue
-            change = None
-            if not _same_map(place.flat, target, place.bounds):
-                change = crs_change(place.flat, target, place.bounds or (0.0, 0.0, 0.0, 0.0))
-                notices += change.notices
-            changes[place.flat] = change
-    except RefusedError as error:
-        if without_option or error.code not in ("crs-change-grid", "crs-change-unknown", "crs-change-outside"):
-            raise
-        raise RefusedError(f"{error.code}.dst", **error.values, proposal=proposed_crs(known)) from None
-    return changes
-
-
-def _known(places: Sequence[_FilePlace]) -> list[tuple[pyproj.CRS, Bounds]]:
-    """Where files with points are, a place for each horizontal CRS."""
-    found = {place.flat: place.bounds for place in places}
-    return [(flat, bounds) for flat, bounds in found.items() if bounds is not None]
-
-
-def _expect_heights(dst_crs: pyproj.CRS, vertical: pyproj.CRS | None, target: pyproj.CRS) -> None:
-    """Refuse a CRS of the output with other heights than those of the files: they are not transformed."""
-    stated = _parts(dst_crs)[1]
-    if stated is None or (vertical is not None and _same_heights(stated, vertical)):
-        return
-    raise InputError(
-        "heights-not-transformed",
-        stated=stated.name,
-        own=vertical.name if vertical is not None else None,
-        flat=name_of(target),
-    )
-
-
-def _parts(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
-    """Horizontal and vertical part."""
-    if crs.is_compound:
-        horizontal, vertical = crs.sub_crs_list[:2]
-        return horizontal.to_2d(), vertical
-    return crs.to_2d(), None
-
-
-def _identify_crs(flat: pyproj.CRS, place: Bounds) -> pyproj.CRS:
-    """The EPSG definition of a CRS that files give as WKT 1 only, where it is the same; else the CRS itself."""
-    # WKT 1 has no axis order and no conversion names, so that equal CRS do not compare as equal.
-    code = flat.to_epsg(min_confidence=20) if flat.to_epsg() is None else None
-    if code is None:
-        return flat
-    known = pyproj.CRS.from_epsg(code)
-    x, y = 0.5 * (place[0] + place[2]), 0.5 * (place[1] + place[3])
-    there = pyproj.Transformer.from_crs(flat, known, always_xy=True).transform(x, y)
-    return known if known.name == flat.name and math.dist((x, y), there) < SAME_PLACE_M else flat
-
-
-def _bounds(files: Sequence[CloudFile], flat: pyproj.CRS) -> Bounds | None:
-    """Bounds of the first points but a few that may lie far off; those of headers may be wrong. None without points."""
-    for file in files:
-        for batch in file.batches(batch_points=10_000):
-            if len(batch):
-                xy = batch.xyz_m[:, :2]
-                low = np.quantile(xy, MAX_FAR_SHARE, axis=0, method="lower")
-                high = np.quantile(xy, 1.0 - MAX_FAR_SHARE, axis=0, method="higher")
-                return bounds_in(flat, xy[((xy >= low) & (xy <= high)).all(axis=1)])
-    return None
-
-
 FAR_GAP_M: Final = 1000.0
 """Gap to the others, along either axis."""
-MAX_FAR_SHARE: Final = 0.001
-"""Largest share of points that are left out."""
 SPARSE_PER_M2: Final = 0.01
 """Only clouds with fewer points on the rectangle of their header are searched."""
 _SIDE_M: Final = 100.0
