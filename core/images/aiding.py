@@ -55,7 +55,7 @@ WARN_TENSION: Final = 2.0
 """Of a flight whose camera is as stated it is 0.8 to 1.3."""
 WARN_SIGMAS: Final = 2.0
 """Mounting and delay that differ from the stated ones by more of their standard deviations give a warning."""
-MAX_NAMED: Final = 5
+MAX_NAMED_POINTS: Final = 5
 """Control points that a notice names."""
 MAX_TENSION: Final = 3.0
 """Errors found in the poses, in standard deviations of what GNSS and IMU leave open, beyond which they contradict."""
@@ -401,9 +401,10 @@ def control_notices(names: Sequence[str], agreement: ControlAgreement) -> list[N
         return [Notice("control-points-contradict.shift", alike=agreement.alike, control=len(names), **shift)]
     left_out = np.flatnonzero(~agreement.kept).tolist()
     points = "; ".join(
-        f"{names[k]} [{', '.join(f'{off:+.3f}' for off in agreement.off_m[k].tolist())}]" for k in left_out[:MAX_NAMED]
+        f"{names[k]} [{', '.join(f'{off:+.3f}' for off in agreement.off_m[k].tolist())}]"
+        for k in left_out[:MAX_NAMED_POINTS]
     )
-    figures = {"points": points, "more": len(left_out) > MAX_NAMED}
+    figures = {"points": points, "more": len(left_out) > MAX_NAMED_POINTS}
     if agreement.kept.any():
         return [Notice("control-points-off", left_out=len(left_out), control=len(names), **figures)]
     return [Notice("control-points-contradict", **figures)]

@@ -301,7 +301,8 @@ def has_ended(thread: SupervisedThread, times: int) -> bool:
     return thread.ends >= times
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # a request's thread that was to begin
+# An exception that is raised in a thread may come to it in somebody's __del__, or as a request's thread begins.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_promise_26__servers_whose_threads_are_killed_serve_again() -> None:
     lines = Hub()
     for server, works in (
@@ -321,6 +322,7 @@ def test_promise_26__servers_whose_threads_are_killed_serve_again() -> None:
         server.server_close()
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_promise_26__feed_whose_threads_are_killed_goes_on_where_it_was(
     simulated: furrowmap.Simulated, tmp_path: Path
 ) -> None:

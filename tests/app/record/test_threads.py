@@ -32,6 +32,10 @@ POLL_S = 0.02
 GGA = b"$GPGGA,010203.00,3652.2000,N,14001.2000,E,4,12,0.8,270.0,M,37.0,M,1.0,0000*"
 
 
+# An exception that is raised in a thread may come to it in somebody's __del__.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+
 class Killed(BaseException):
     """What no handler of a thread expects."""
 
