@@ -25,6 +25,7 @@ from furrowmap.core.readers.messages import find_frames
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.sbf.log import SBF, SbfLog
 from furrowmap.core.readers.ubx.log import UbxLog
 from furrowmap.core.runtime.errors import InputError
@@ -259,6 +260,28 @@ def test_drop_implausible_positions__up_to_half_of_the_positions_may_be_elsewher
     lat[5] = 36.0
     with pytest.raises(InputError, match="5 of 10 positions"):  # of nine that there are
         drop_implausible_positions(track)
+
+
+@pytest.mark.parametrize("lon_deg", [180.0, 180.5, 263.25, 359.9, 360.0])
+def test_drop_implausible_positions__longitudes_to_360_degrees_are_in_the_west(lon_deg: float) -> None:
+    track = GnssTrack.build(np.arange(10.0), lon_deg=np.full(10, lon_deg), lat_deg=np.full(10, 44.5), source="log")
+    kept, _, notices = drop_implausible_positions(track)
+    assert notices == []
+    np.testing.assert_allclose(kept.lon_deg, lon_deg if lon_deg <= 180.0 else lon_deg - 360.0, atol=1e-12)
+
+
+def test_rtklib_pos__longitudes_to_360_degrees_are_in_the_west(tmp_path: Path) -> None:
+    places = [(263.25 + 1e-5 * k, 44.5, 210.0) for k in range(20)]
+    header = "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns"
+    tracks = []
+    for name, shift_deg in (("east.pos", 0.0), ("west.pos", -360.0)):
+        rows = [
+            f"2026/06/11 01:24:{k:06.3f}   {lat:.9f} {lon + shift_deg:.9f} {height:.4f} 1 12"
+            for k, (lon, lat, height) in enumerate(places)
+        ]
+        (tmp_path / name).write_text("\n".join([header, *rows]) + "\n")
+        tracks.append(RtklibPos([tmp_path / name], ReadOptions()).track())
+    np.testing.assert_allclose(tracks[0].lon_deg, tracks[1].lon_deg, atol=1e-9)
 
 
 def test_spans_in_words__are_the_first_five_and_the_number_of_the_others() -> None:
