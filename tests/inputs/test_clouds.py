@@ -18,7 +18,11 @@ from furrowmap.core.pointclouds.clouds import open_clouds
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
+from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.settings import soil_file
+from tests.core.readers.las.e57_files import POSE, e57
 
 MAP = CRS.from_epsg(26918)
 EAST, NORTH = 580_000.0, 4_500_000.0
@@ -69,6 +73,25 @@ def pcd(path: Path) -> Path:
     return path
 
 
+def copc(path: Path) -> Path:
+    kind = CopcFormat(las_wkt(MAP), (EAST, NORTH, 0.0), scale_m=0.0001)
+    with CopcWriter(path, kind, node_points=300) as writer:
+        writer.append(PointBatch(np.column_stack([X - EAST, Y - NORTH, Z]), np.zeros(len(X))))
+    return path
+
+
+def e57_scan(path: Path) -> Path:
+    """One scan with its pose: the corner of the plane."""
+    pose = POSE.replace(">0.6<", ">1<").replace(">0.8<", ">0<")
+    pose = pose.replace(">10<", f">{EAST}<").replace(
+        '<y type="Float"/><z type="Float">-3<', f'<y type="Float">{NORTH}</y><z type="Float">0<'
+    )
+    zeros = np.zeros(len(X), np.int64)
+    rows = {"x": X - EAST, "y": Y - NORTH, "z": Z, "invalid": zeros, "intensity": zeros}
+    path.write_bytes(e57(rows, pose=pose))
+    return path
+
+
 def linked(folder: Path) -> Path:
     las(folder / "target.laz")
     (folder / "link.laz").symlink_to("target.laz")
@@ -81,6 +104,8 @@ PROPERTIES: Mapping[str, Made] = {
     "LAS 1.4 with WKT": lambda folder: las(folder / "a.las"),
     "LAZ": lambda folder: las(folder / "a.laz"),
     "LAZ under another name": lambda folder: las(folder / "a.laz").rename(folder / "a.dat"),
+    "COPC": lambda folder: copc(folder / "a.copc.laz"),
+    "E57": lambda folder: e57_scan(folder / "a.e57"),
     "PLY": lambda folder: ply(folder / "a.ply"),
     "PCD": lambda folder: pcd(folder / "a.pcd"),
     "compound CRS with heights in metres": lambda folder: las(folder / "a.laz", "EPSG:26918+5703"),
@@ -113,8 +138,8 @@ def mesh(folder: Path) -> Path:
 
 
 def stated_crs(path: Path) -> CRS | None:
-    """Of PLY and PCD, which state none."""
-    return MAP if path.suffix in (".ply", ".pcd") else None
+    """Of PLY, PCD and E57, which state none."""
+    return MAP if path.suffix in (".ply", ".pcd", ".e57") else None
 
 
 def by_clouds(path: Path) -> FloatArray:

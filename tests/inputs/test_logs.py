@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import gzip
 import lzma
+import re
 from collections.abc import Callable, Mapping
 from functools import reduce
 from pathlib import Path
@@ -58,7 +59,21 @@ WAYS: Mapping[str, Callable[[str], bytes]] = {
     "empty lines": lambda text: text.replace("\n", "\n\n").encode(),
     "the first bytes lost": lambda text: (text[3:] if text.startswith("$") else text).encode(),
 }
-ALL = (*(f"{form}: {way}" for form in FORMATS for way in WAYS), *(f"{form}: a symbolic link" for form in FORMATS))
+OF_NMEA: Mapping[str, Callable[[str], bytes]] = {
+    "no checksums": lambda text: re.sub(r"\*..\n", "\n", text).encode(),
+    "spaces after checksums": lambda text: text.replace("\n", "  \n").encode(),
+    "times of arrival before the lines": lambda text: re.sub(
+        r"^", "2026-05-12T09:00:00Z ", text, flags=re.MULTILINE
+    ).encode(),
+    "binary messages between the lines": lambda text: text.encode().replace(
+        b"$GNZDA", b"\xd3\x00\x04\x00\x01$\x02$GNZDA"
+    ),
+}
+ALL = (
+    *(f"{form}: {way}" for form in FORMATS for way in WAYS),
+    *(f"NMEA 0183: {way}" for way in OF_NMEA),
+    *(f"{form}: a symbolic link" for form in FORMATS),
+)
 
 
 def log(folder: Path, stated: str) -> Path:
@@ -68,7 +83,7 @@ def log(folder: Path, stated: str) -> Path:
         (folder / "target").write_text(FORMATS[form](), newline="")
         path.symlink_to("target")
     else:
-        path.write_bytes(WAYS[way](FORMATS[form]()))
+        path.write_bytes({**WAYS, **OF_NMEA}[way](FORMATS[form]()))
     return path
 
 
