@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.geodesy.projection import scale_at
@@ -152,10 +153,12 @@ def read_parcels(
         )
     place = gross[0].shape.centroid
     scale = scale_at(target, place.x, place.y)  # metres of the map per metre on the ground
+    if net is not None:
+        inners: list[shapely.Polygon | None] = [nets[found.id] for found in gross]
+    else:
+        inners = inset_parcels([found.shape for found in gross], net_inset_m[0] * scale, net_inset_m[1] * scale)
     parcels, small = [], []
-    for found in gross:
-        ends_m, sides_m = (width * scale for width in net_inset_m)
-        inner = nets[found.id] if net is not None else inset_parcel(found.shape, ends_m, sides_m)
+    for found, inner in zip(gross, inners, strict=True):
         if inner is None or inner.area < MIN_PARCEL_M2:
             small.append(found.id)
             continue
@@ -179,50 +182,57 @@ def elsewhere_error(path: Path, points: int, box_m: tuple[float, float, float, f
     return InputError("parcels-elsewhere", path=path, points=points, within=within)
 
 
-def inset_parcel(gross: shapely.Polygon, ends_m: float, sides_m: float) -> shapely.Polygon | None:
-    """The net parcel; None if nothing, or no single polygon, is left.
+def inset_parcels(gross: Sequence[shapely.Polygon], ends_m: float, sides_m: float) -> list[shapely.Polygon | None]:
+    """The net parcels; None where nothing, or no single polygon, is left.
 
     The ends of a parcel with four corners are the two opposite edges that are shorter together, its sides the others.
     Those of any other shape are the edges of its smallest rectangle.
     """
     if ends_m == 0.0 and sides_m == 0.0:
-        return gross
-    corners = _corners(gross)
-    if corners is None:
-        corners = _corners(shapely.minimum_rotated_rectangle(gross))
-    if corners is None:
-        return None
-    along = np.roll(corners, -1, axis=0) - corners
-    length = np.hypot(*along.T)
-    first_are_ends = length[0] + length[2] < length[1] + length[3]
-    widths = np.where((np.arange(4) % 2 == 0) == first_are_ends, ends_m, sides_m)
-    inner = gross
-    for start, step, reach, width in zip(corners, along, length, widths, strict=True):
-        # the half-plane to the left of the edge, moved inwards, as far as the parcel reaches
-        direction = step / reach
-        inwards = np.array([-direction[1], direction[0]])
-        west, south, east, north = gross.bounds
-        far = 4.0 * (east - west + north - south) + 4.0 * float(width)
-        at = start + float(width) * inwards
-        beyond = [at + far * (direction + inwards), at + far * (inwards - direction)]
-        left = inner.intersection(shapely.Polygon([at - far * direction, at + far * direction, *beyond]))
-        if not isinstance(left, shapely.Polygon) or left.is_empty:
-            return None
-        inner = left
-    return inner
+        return list(gross)
+    shapes = np.array(gross, dtype=object)
+    corners, has_four = _corners(shapes)
+    others = np.flatnonzero(~has_four)
+    corners[others], has_four[others] = _corners(
+        np.array([shapely.minimum_rotated_rectangle(gross[k]) for k in others.tolist()])
+    )
+    inner = shapes.copy()
+    inner[~has_four] = None
+    along = np.roll(corners, -1, axis=1) - corners
+    length = np.hypot(along[..., 0], along[..., 1])
+    first_are_ends = length[:, 0] + length[:, 2] < length[:, 1] + length[:, 3]
+    west, south, east, north = shapely.bounds(shapes).T
+    far = 4.0 * (east - west + north - south + max(ends_m, sides_m))[:, None]
+    for edge in range(4):
+        # The half-plane to the left of the edge, moved inwards, as far as the parcel reaches.
+        width = np.where((edge % 2 == 0) == first_are_ends, ends_m, sides_m)[:, None]
+        direction = along[:, edge] / np.where(has_four, length[:, edge], 1.0)[:, None]
+        inwards = np.column_stack([-direction[:, 1], direction[:, 0]])
+        at = corners[:, edge] + width * inwards
+        half = [
+            at - far * direction,
+            at + far * direction,
+            at + far * (direction + inwards),
+            at + far * (inwards - direction),
+        ]
+        inner = shapely.intersection(inner, shapely.polygons(np.stack(half, axis=1)))
+        is_one = (shapely.get_type_id(inner) == shapely.GeometryType.POLYGON) & ~shapely.is_empty(inner)
+        inner[~is_one] = None
+    found: list[shapely.Polygon | None] = inner.tolist()
+    return found
 
 
-def _corners(shape: shapely.Geometry) -> FloatArray | None:
-    """The four corners (4, 2) of a convex quadrilateral, counterclockwise; None for any other shape."""
-    if not isinstance(shape, shapely.Polygon) or shape.interiors:
-        return None
-    corners = shapely.get_coordinates(shapely.orient_polygons(shape).simplify(1e-3))[:-1]
-    if len(corners) != 4:
-        return None
-    along = np.roll(corners, -1, axis=0) - corners
-    after = np.roll(along, -1, axis=0)
-    turns = along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0]
-    return corners if (turns > 0.0).all() else None
+def _corners(shapes: NDArray[np.object_]) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """The four corners (n, 4, 2) of convex quadrilaterals, counterclockwise, and which shapes (n,) are such."""
+    corners = np.zeros((len(shapes), 4, 2))
+    simple = shapely.simplify(shapely.orient_polygons(shapes), 1e-3)
+    is_polygon = shapely.get_type_id(simple) == shapely.GeometryType.POLYGON
+    has_four = is_polygon & (shapely.get_num_coordinates(simple) == 5) & (shapely.get_num_interior_rings(simple) == 0)
+    corners[has_four] = shapely.get_coordinates(simple[has_four]).reshape(-1, 5, 2)[:, :4]
+    along = np.roll(corners, -1, axis=1) - corners
+    after = np.roll(along, -1, axis=1)
+    turns = along[..., 0] * after[..., 1] - along[..., 1] * after[..., 0]
+    return corners, has_four & (turns > 0.0).all(axis=1)
 
 
 def _label(value: object) -> str:

@@ -6,16 +6,33 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 
 from furrowmap.core.runtime.errors import Notice
+
+Kept = TypeVar("Kept")
 
 
 def json_text(value: object) -> str:
     """`value` as indented JSON, keys in their order, with a final line break."""
     return json.dumps(plain(value), ensure_ascii=False, allow_nan=False, indent=2) + "\n"
+
+
+def kept_json(value: object) -> bytes:
+    """A value that furrowmap itself reads again (:func:`from_kept_json`), with names of files that are no Unicode."""
+    return json.dumps(msgspec.to_builtins(value)).encode("ascii")
+
+
+def from_kept_json(content: bytes, kind: type[Kept]) -> Kept:
+    """The value of a type in what :func:`kept_json` gave; msgspec.DecodeError or ValidationError if it is damaged."""
+    try:
+        found = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise msgspec.DecodeError(str(error)) from None
+    return msgspec.convert(found, kind)
 
 
 def plain(value: object) -> Any:

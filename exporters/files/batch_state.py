@@ -15,6 +15,7 @@ from typing import Any, Final, Self
 import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
+from furrowmap.core.runtime.json_text import from_kept_json, kept_json
 from furrowmap.core.runtime.write_errors import failed_write, write_error
 from furrowmap.exporters.files.plain_files import refuse_shared
 
@@ -78,6 +79,11 @@ class SessionOutcome:
     track: str = ""
 
 
+def _as_text(path: str) -> str:
+    """A path as SQLite takes it: bytes that are no Unicode become escapes."""
+    return path.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 class BatchState:
     """The rows of a state file."""
 
@@ -87,7 +93,7 @@ class BatchState:
     def outcomes(self) -> dict[str, SessionOutcome]:
         """What became of each session, by its name."""
         rows = self._database.execute("SELECT name, outcome FROM sessions")
-        return {name: msgspec.json.decode(text, type=SessionOutcome) for name, text in rows}
+        return {name: from_kept_json(text, SessionOutcome) for name, text in rows}
 
     def sources(self) -> dict[str, str]:
         """The name of each session, by what it was made from."""
@@ -96,7 +102,7 @@ class BatchState:
     def keep(self, name: str, outcome: SessionOutcome) -> None:
         """Keep what became of a session."""
         with self._database:
-            row = (name, msgspec.json.encode(outcome))
+            row = (name, kept_json(outcome))
             self._database.execute("INSERT OR REPLACE INTO sessions VALUES (?, ?)", row)
 
     def keep_names(self, names: Mapping[str, str]) -> None:
@@ -106,14 +112,16 @@ class BatchState:
 
     def prepared(self, source: str, key: str) -> bytes | None:
         """What was found in a source with that key of its content; None if nothing was kept."""
-        found = self._database.execute("SELECT found FROM prepared WHERE source = ? AND key = ?", (source, key))
+        found = self._database.execute(
+            "SELECT found FROM prepared WHERE source = ? AND key = ?", (_as_text(source), key)
+        )
         row = found.fetchone()
         return bytes(row[0]) if row is not None else None
 
     def keep_prepared(self, source: str, key: str, found: bytes) -> None:
         """Keep what was found in a source."""
         with self._database:
-            self._database.execute("INSERT OR REPLACE INTO prepared VALUES (?, ?, ?)", (source, key, found))
+            self._database.execute("INSERT OR REPLACE INTO prepared VALUES (?, ?, ?)", (_as_text(source), key, found))
 
     def save_as(self, path: Path) -> None:
         """Write a copy that is whole while this file changes."""

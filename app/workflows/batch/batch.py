@@ -17,7 +17,7 @@ import msgspec
 from furrowmap.core.readers.boundary import notices_of_fields
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_names import resolved
-from furrowmap.core.runtime.json_text import plain
+from furrowmap.core.runtime.json_text import from_kept_json, kept_json, plain
 from furrowmap.core.runtime.memory import peak_memory_bytes
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.urls import without_passwords
@@ -381,12 +381,12 @@ class _Batch:
         decisive = [stamp(file) for path in (machine, boundaries) if path for file in _files_of(Path(path))]
         found, due, keys = dict[str, PreparedSource](), list[tuple[str, BatchSource]](), dict[str, str]()
         for source in usable:
-            content = msgspec.json.encode([own_version(), source.stamps, decisive])
+            content = kept_json([own_version(), source.stamps, decisive])
             key = keys[source.place] = hashlib.sha256(content).hexdigest()
             if not source.made and not boundaries:
                 found[source.place] = _read_session(source)
             elif (kept := state.prepared(source.place, key)) is not None:
-                found[source.place] = msgspec.json.decode(kept, type=PreparedSource)
+                found[source.place] = from_kept_json(kept, PreparedSource)
             else:
                 due.append((source.place, source))
         work = partial(prepare, machine=machine, boundaries=boundaries)
@@ -397,7 +397,7 @@ class _Batch:
         ):
             found[name] = result if isinstance(result, PreparedSource) else PreparedSource(failure=_lost(name))
             if not dry_run and found[name].failure is None:
-                state.keep_prepared(name, keys[name], msgspec.json.encode(found[name]))
+                state.keep_prepared(name, keys[name], kept_json(found[name]))
         return found
 
     def _choose(self, plan: _Plan, outcomes: dict[str, SessionOutcome]) -> None:

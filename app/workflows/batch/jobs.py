@@ -95,7 +95,7 @@ class Job:
 
 def identity(file: str, visit: FieldVisit | None) -> str:
     """What tells the run of a source, or of its visit of a field, from all others."""
-    return json.dumps([file, *([visit.name] if visit is not None else [])], ensure_ascii=False)
+    return json.dumps([file, *([visit.name] if visit is not None else [])])
 
 
 @cache

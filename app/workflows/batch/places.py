@@ -17,6 +17,7 @@ import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError, printable
 from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.json_text import from_kept_json, kept_json
 from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import SessionOutcome, Stamp, same_files
 from furrowmap.exporters.files.lease import PREFIX
@@ -208,14 +209,14 @@ def put_result(folder: Path, url: str, outcome: SessionOutcome) -> None:
     with store.held() as expect_held:
         store.put(folder)
         expect_held()
-        store.write(MARKER, msgspec.json.encode(outcome))
+        store.write(MARKER, kept_json(outcome))
 
 
 def earlier_in_store(url: str, key: str, inputs: Sequence[Stamp]) -> SessionOutcome | None:
     """What the marker of a result in a store says, if it is of the same settings, version and inputs."""
     content = Store(url).read(MARKER)
     try:
-        found = msgspec.json.decode(content, type=SessionOutcome) if content is not None else None
+        found = from_kept_json(content, SessionOutcome) if content is not None else None
     except msgspec.MsgspecError:
         return None
     if found is None or found.key != key or not same_files(found.inputs, inputs):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import os
 import shutil
+import sys
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 
@@ -108,6 +110,26 @@ def test_batch__runs_each_session_once_and_tells_what_failed(
     changed = furrowmap.batch([season], results, ONE)
     assert changed.run == ("north_june",)
     assert furrowmap.open_result(results / "north_june").report["session"]["name"] == "North"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are Unicode elsewhere")
+def test_batch__takes_names_that_are_no_unicode(simulated: furrowmap.Simulated, tmp_path: Path) -> None:
+    """Of folders and of boundaries; what is kept of a batch is found again."""
+    odd = os.fsdecode(b"caf\xe9")
+    season, fields = tmp_path / "season", tmp_path / os.fsdecode(b"champs\xff")
+    (season / odd).mkdir(parents=True)
+    fields.mkdir()
+    shutil.copy(simulated.folder / "boundary.geojson", fields / f"{odd}.geojson")
+    for name in ("gnss.nmea", "recording.pcap"):
+        shutil.copy(simulated.folder / name, season / odd / name)
+    text = (simulated.folder / "session.toml").read_text()
+    (season / odd / "session.toml").write_text(text.replace('boundary = "boundary.geojson"', ""))
+    settings = replace(ONE, boundaries=fields / f"{odd}.geojson")
+    planned = furrowmap.batch([season], tmp_path / "results", settings, dry_run=True)
+    assert len(planned.run) == 1
+    done = furrowmap.batch([season], tmp_path / "results", settings)
+    assert done.failed == ()
+    assert furrowmap.batch([season], tmp_path / "results", settings).unchanged == done.run
 
 
 def test_batch__of_nothing_is_refused(tmp_path: Path) -> None:

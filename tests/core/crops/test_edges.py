@@ -11,7 +11,7 @@ import shapely
 from pyproj import CRS
 
 from furrowmap.core.crops.parcel_points import USUAL_NOISE_M, ParcelPoints
-from furrowmap.core.crops.parcels import inset_parcel
+from furrowmap.core.crops.parcels import inset_parcels
 from furrowmap.core.crops.published import grown_region
 from furrowmap.core.crops.response import column_words, dose_name, dose_unit, fit_response, parcel_doses
 from furrowmap.core.crops.site_soil import open_soil_raster, soil_around
@@ -53,14 +53,14 @@ def test_doses__by_a_stated_name_in_any_case_or_by_what_names_say() -> None:
 
 
 def test_net_parcels__of_any_shape_lie_within_their_strips() -> None:
-    assert inset_parcel(BOX, 0.0, 0.0) is BOX
-    assert inset_parcel(BOX, 1.0, 0.5).equals(shapely.box(1.0, 0.5, 9.0, 3.5))
+    assert inset_parcels([BOX], 0.0, 0.0)[0] is BOX
+    assert inset_parcels([BOX], 1.0, 0.5)[0].equals(shapely.box(1.0, 0.5, 9.0, 3.5))
     holed = BOX.difference(shapely.box(4.0, 1.0, 5.0, 2.0))
-    assert inset_parcel(holed, 1.0, 0.5).equals(holed.intersection(shapely.box(1.0, 0.5, 9.0, 3.5)))
+    assert inset_parcels([holed], 1.0, 0.5)[0].equals(holed.intersection(shapely.box(1.0, 0.5, 9.0, 3.5)))
     hexagon = shapely.Polygon([(0, 2), (1, 0), (9, 0), (10, 2), (9, 4), (1, 4)])
-    assert inset_parcel(hexagon, 1.0, 0.5).equals(hexagon.intersection(shapely.box(1.0, 0.5, 9.0, 3.5)))
-    assert inset_parcel(BOX, 5.0, 0.5) is None
-    assert inset_parcel(shapely.Polygon([(0, 0), (5, 0), (10, 0)]), 1.0, 0.5) is None
+    assert inset_parcels([hexagon], 1.0, 0.5)[0].equals(hexagon.intersection(shapely.box(1.0, 0.5, 9.0, 3.5)))
+    assert inset_parcels([BOX], 5.0, 0.5)[0] is None
+    assert inset_parcels([shapely.Polygon([(0, 0), (5, 0), (10, 0)])], 1.0, 0.5)[0] is None
 
 
 def test_points__none_are_none_and_few_have_the_usual_noise() -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pyproj import CRS
 from shapely.affinity import rotate, translate
 
-from furrowmap.core.crops.parcels import inset_parcel, read_parcels
+from furrowmap.core.crops.parcels import inset_parcels, read_parcels
 from furrowmap.core.runtime.errors import InputError
 
 MAP = CRS.from_epsg(25832)
@@ -86,7 +86,7 @@ def test_corners__one_row_each(tmp_path: Path, *, degrees: bool) -> None:
 def test_net__is_the_rectangle_without_its_strips(turn: float, ends: float, sides: float, backwards: bool) -> None:
     """A rectangle of 10 x 2.5 m, as drawn in either sense and turned, against the rectangle in its own axes."""
     box = shapely.box(0.0, 0.0, 10.0, 2.5, ccw=not backwards)
-    found = inset_parcel(translate(rotate(box, turn, origin=(0, 0)), 651_000.0, 6_132_600.0), ends, sides)
+    found = inset_parcels([translate(rotate(box, turn, origin=(0, 0)), 651_000.0, 6_132_600.0)], ends, sides)[0]
     wanted = shapely.box(ends, sides, 10.0 - ends, 2.5 - sides)
     assert found is not None
     back = rotate(translate(found, -651_000.0, -6_132_600.0), -turn, origin=(0, 0))
@@ -95,10 +95,10 @@ def test_net__is_the_rectangle_without_its_strips(turn: float, ends: float, side
 
 def test_net__of_a_parcel_without_four_corners_uses_its_smallest_rectangle() -> None:
     bent = shapely.Polygon([(0, 0), (10, 0), (10, 2), (5, 2.2), (0, 2)])
-    found = inset_parcel(bent, 1.0, 0.25)
+    found = inset_parcels([bent], 1.0, 0.25)[0]
     assert found is not None
     assert found.bounds == pytest.approx((1.0, 0.25, 9.0, 1.95))
-    assert inset_parcel(bent, 1.0, 1.1) is None
+    assert inset_parcels([bent], 1.0, 1.1)[0] is None
 
 
 def test_net__may_be_a_file_of_its_own(tmp_path: Path) -> None:
