@@ -79,14 +79,18 @@ def machine_for(machine: str | Path, folder: Path | None) -> tuple[Machine, list
 def _with_copies(machine: Machine, source: Path, target: Path | None, before: Machine) -> Machine:
     """The machine with copies beside `target`, and named after it, of the files that `source` names as learned.
 
-    Implements without one have that of `before`. Raises InputError if a file is missing, or not in the source's folder.
+    Implements without one have that of `before`. Raises InputError if a file is missing, is none, or is not in the source's folder.
     """
     kept = {(tool.name, tool.kind): tool.learned for tool in before.implements}
     tools = list[MachineImplement]()
     for tool in machine.implements:
         learned = kept.get((tool.name, tool.kind))
         if tool.learned is not None and target is not None:
-            content = read_plain_bytes(resolve(source, tool.learned))
+            file = resolve(source, tool.learned)
+            try:
+                content = read_plain_bytes(file)
+            except OSError as error:
+                raise InputError("implement-unreadable", path=file, error=error) from error
             learned = re.sub(r'[<>:"/\\|?*]', "_", f"{target.stem}{tool.name and ', '}{tool.name}.npz")
             make_folder(target.parent)
             with atomic_output(target.with_name(learned)) as unfinished:

@@ -131,6 +131,9 @@ def test_learned_implement__goes_with_the_profile_into_the_next_session(
     (stated.parent / "implement.npz").unlink()
     with pytest.raises(InputError, match=r"'implement\.npz' does not exist"):
         furrowmap.save_machine(stated, "Tractor 2")
+    (stated.parent / "implement.npz").mkdir()
+    with pytest.raises(InputError, match=r"implement\.npz"):
+        furrowmap.save_machine(stated, "Tractor 2")
     assert not (machines / "Tractor 2.toml").exists()
 
 
