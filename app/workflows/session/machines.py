@@ -79,7 +79,8 @@ def machine_for(machine: str | Path, folder: Path | None) -> tuple[Machine, list
 def _with_copies(machine: Machine, source: Path, target: Path | None, before: Machine) -> Machine:
     """The machine with copies beside `target`, and named after it, of the files that `source` names as learned.
 
-    Implements without one have that of `before`. Raises InputError if a file is missing, is none, or is not in the source's folder.
+    Implements without one have that of `before`. Raises InputError if a file is missing, cannot be
+    read, or is not in the source's folder.
     """
     kept = {(tool.name, tool.kind): tool.learned for tool in before.implements}
     tools = list[MachineImplement]()
