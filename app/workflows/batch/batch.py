@@ -180,7 +180,7 @@ def _outcome(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSe
 
 START_S: Final = 2.0
 BYTES_A_SECOND: Final = 5e6
-"""Of a core and of recordings (docs/development/benchmarks.md: 0.85 million points for each second of processor time,
+"""Of a core and of recordings (docs/decisions/benchmarks.md: 0.85 million points for each second of processor time,
 6.6 bytes of a capture for each), where no session of the batch has been run yet."""
 
 

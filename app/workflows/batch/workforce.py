@@ -21,7 +21,7 @@ from furrowmap.core.runtime.settings import (
 from furrowmap.workflows.batch.engine import TLS, Engine, Found, Item, OneProcess, WorkerDied
 
 BYTES_A_WORKER: Final = 3 << 30
-"""Free memory for each worker: a run of 77 million points takes 1.3 GB (docs/development/benchmarks.md)."""
+"""Free memory for each worker: a run of 77 million points takes 1.3 GB (docs/decisions/benchmarks.md)."""
 
 
 def unprotected(scheduler: str | None) -> tuple[Notice, ...]:
