@@ -21,8 +21,7 @@ from typing import Any
 import pytest
 
 from furrowmap.exporters.files.batch_state import STATE
-from furrowmap.exporters.files.staging import recover
-from tests.app.writers import WRITERS
+from tests.app.writers import WRITERS, settle
 from tests.conftest import CHECKOUT
 
 KILLS = int(os.environ.get("KILLS", "0"))
@@ -107,7 +106,7 @@ class Scene:
     def found(self) -> dict[str, str]:
         """What a reader finds."""
         if self.target.is_dir():
-            recover(self.target)
+            settle(self.target)
         return WRITERS[self.deed].content(self.target)
 
     def left(self) -> list[Path]:

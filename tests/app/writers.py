@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 import sqlite3
+import time
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ import pyproj
 import rasterio
 
 import furrowmap
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.simulator.scenario import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.surfaces.grid import Grid
@@ -35,6 +37,7 @@ from tests.app.tie.test_tie import write_result as write_date
 from tests.exporters.farm.result_folders import write_result
 from tests.fuzz.texts import worked
 
+LONGEST_WAIT_S = 10.0
 _SECOND = """seed = {seed}
 [field]
 size_e_m = 12.0
@@ -192,11 +195,23 @@ def _drive(folder: Path, number: int) -> Path:
     return _session(folder, number).parent
 
 
+def settle(folder: Path) -> None:
+    """What the next writer does first; workers of a killed one end with it, a moment later."""
+    ends_s = time.monotonic() + LONGEST_WAIT_S
+    while True:
+        try:
+            return recover(folder)
+        except RefusedError:
+            if time.monotonic() > ends_s:
+                raise
+            time.sleep(0.05)
+
+
 def _results_of_batch(target: Path) -> dict[str, str]:
     """The recordings that the results come from; a batch may end with tables of the results before."""
     found = {}
     for folder in sorted(path for path in target.glob("[!.]*") if path.is_dir()):
-        recover(folder)
+        settle(folder)
         found |= {f"{folder.name}/{name}": recording for name, recording in recordings(folder).items()}
     return found
 
