@@ -117,7 +117,7 @@ def test_reliability_page__points_in_memory() -> None:
         ("CHANGELOG.md", "a few points of a LAS cloud more than {} km from all others", FAR_GAP_M / 1000.0),
         ("CHANGELOG.md", "`[implement] width_m` is at most {} m", MAX_IMPLEMENT_WIDTH_M),
         ("docs/reference/session.md", "more than {} m is an error", MAX_PLACE_M),
-        ("docs/explanation/files.md", "if its heartbeat does not change for {} s", MAX_SILENCE_S),
+        ("docs/reliability.md", "if its heartbeat does not change for {} s", MAX_SILENCE_S),
     ],
 )
 def test_figure__is_that_of_the_page(page: str, sentence: str, value: float) -> None:
