@@ -1,7 +1,7 @@
 """Batches of short simulated sessions: overhead, speed-up of two workers, memory, repetition, kills.
 
 `python benchmarks/batch.py speed 60` compares two workers with one, `season 1000` has two workers only,
-`repetition 1000` has nothing to do, `kills 6 50` kills workers and the batch 50 times. docs/explanation/batch.md
+`repetition 1000` has nothing to do, `kills 6 50` kills workers and the batch 50 times. docs/decisions/batches.md
 records what they print. The sessions are one simulated recording of five seconds under different names, linked, not
 copied; each run has one thread.
 """

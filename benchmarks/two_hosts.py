@@ -3,7 +3,7 @@
 `python benchmarks/two_hosts.py 30` runs a batch on the worker of one host and then on those of both;
 `python benchmarks/two_hosts.py 6 50` kills workers, hosts, the scheduler and the batch 50 times. It needs root and
 Linux. Each host has a network address, a name and numbers of processes of its own; Dask's scheduler runs on the first,
-as the batch does, one worker on each. What ends is started again, as a service manager does. docs/explanation/batch.md
+as the batch does, one worker on each. What ends is started again, as a service manager does. docs/decisions/batches.md
 records what it prints.
 """
 
