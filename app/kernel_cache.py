@@ -23,7 +23,8 @@ class KernelCacheLocator:
     """The folder of a kernel, for numba (``NUMBA_CACHE_LOCATOR_CLASSES``)."""
 
     def __init__(self, function: Any, folder: Path) -> None:
-        self._line, self._folder = function.__code__.co_firstlineno, folder
+        self._line = function.__code__.co_firstlineno
+        self._folder = folder
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> "KernelCacheLocator | None":

@@ -205,7 +205,8 @@ def soil_file(source: str | Path) -> Path | None:
 
     if source in SOIL_METHODS:
         return None
-    path, names = Path(source), (DTM, DSM, CLOUD)
+    path = Path(source)
+    names = (DTM, DSM, CLOUD)
     if path.is_dir():
         path = next((path / name for name in names if (path / name).is_file()), path)
     if not path.is_file():

@@ -46,13 +46,16 @@ def warm_up(commands: Collection[str] = (), progress: Progress = silent) -> int:
         Number of compilations, those of numba's own functions included; what is in the cache is not compiled again.
     """
     modules = _listed(commands).items()
-    total, done, compiled = sum(len(kernels) for _, kernels in modules), 0, 0
+    total = sum(len(kernels) for _, kernels in modules)
+    done = 0
+    compiled = 0
     stage = "compiling kernels"
     progress(stage, 0.0)
     processes = min(threads(), len(modules))
     with get_context("spawn").Pool(processes, prepare_process) if processes > 1 else nullcontext() as pool:
         for kernels, news in (pool.imap_unordered if pool else map)(_compile_module, modules):
-            done, compiled = done + kernels, compiled + news
+            done = done + kernels
+            compiled = compiled + news
             progress(stage, done / total)
     return compiled
 
@@ -100,7 +103,8 @@ def _listed(commands: Collection[str]) -> dict[str, list[tuple[str, str]]]:
         if commands and command not in commands:
             continue
         every = [*kernels.items()]
-        first, last = round(FIRST_SHARE * len(every)), round((1.0 - LAST_SHARE) * len(every))
+        first = round(FIRST_SHARE * len(every))
+        last = round((1.0 - LAST_SHARE) * len(every))
         for name, signatures in every[first:last] + every[last:][::-1] + every[:first]:
             module, _, kernel = name.rpartition(".")
             modules.setdefault(module, []).extend((kernel, signature) for signature in signatures)
@@ -129,7 +133,8 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
     """Counts compilations, and says when they begin."""
 
     def __init__(self, begun: Callable[[], None] = lambda: None) -> None:
-        self._begun, self.count = begun, 0
+        self._begun = begun
+        self.count = 0
 
     def on_start(self, _event: Any) -> None:
         """A kernel, or one that it calls."""

@@ -200,7 +200,8 @@ def _exit_unless_met(verdicts: dict[str, Any]) -> None:
     """Say which required accuracy is not met, and end with exit status 4 then."""
     unmet = {name: verdict for name, verdict in verdicts.items() if not verdict["met"]}
     for name, verdict in unmet.items():
-        rmse_m, required_m = verdict["rmse_m"], verdict["required_m"]
+        rmse_m = verdict["rmse_m"]
+        required_m = verdict["required_m"]
         put_error(
             RefusedError(
                 "check-not-met", name=name, rmse_m=rmse_m, required_m=required_m, required_m_share=100 * required_m

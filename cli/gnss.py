@@ -193,7 +193,8 @@ def _columns(values: Iterable[float]) -> str:
 
 
 def _words(name: str, found: Evaluation) -> str:
-    log, matched = found.continuity, found.matched
+    log = found.continuity
+    matched = found.matched
     rows = [
         ("test", printable(found.test) + (f" ({found.service})" if found.service else "")),
         (

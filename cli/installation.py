@@ -31,7 +31,8 @@ def explain(console: Console, code: str) -> None:
 
 def _messages(key: str, language: str) -> dict[str, str]:
     """The parts of the message of a key, with … for its values; of choices, the first."""
-    ours, english = templates(language)[key], templates(ENGLISH)[key]
+    ours = templates(language)[key]
+    english = templates(ENGLISH)[key]
     found = {part: next(expansions(english[part], ours[part])) for part in (*ERROR_PARTS, "text") if part in ours}
     return {
         part: source if language == ENGLISH else re.sub(r"\{\d+\}", "…", other)

@@ -63,7 +63,8 @@ def run(
             report = furrowmap.preview(session, folder, progress=progress)
         else:
             result = furrowmap.run(session, output, within=within, **options, progress=progress)
-            folder, report = result.path, result.report
+            folder = result.path
+            report = result.report
     console.warn_of(report)
     console.answer({"folder": folder, **report}, f"{table(figures(report['figures']))}\n{written(report, folder)}")
     if strict and report.get("verdict", {}).get("text"):

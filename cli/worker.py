@@ -80,7 +80,8 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
     try:
         arguments = _arguments(orders.readline(_LONGEST_LINE))
     except UsageError as raised:
-        status, error = raised.exit_status, raised
+        status = raised.exit_status
+        error = raised
     else:
         threading.Thread(target=_heed, args=(orders,), daemon=True).start()
         with using(language=asked_language(arguments)):
@@ -119,14 +120,16 @@ class WorkerConsole(Console):
 
 def _throttled(send: Send) -> Progress:
     """Sends the start of every stage, and then at most ten messages per second."""
-    last_stage, last_s = "", 0.0
+    last_stage = ""
+    last_s = 0.0
 
     def show(stage: str, share: float) -> None:
         nonlocal last_stage, last_s
         INTERRUPTION.check()
         now_s = time.monotonic()
         if stage != last_stage or now_s - last_s >= PERIOD_S:
-            last_stage, last_s = stage, now_s
+            last_stage = stage
+            last_s = now_s
             send("progress", stage=stage, share=round(share, 4))
 
     return show
@@ -153,7 +156,8 @@ def _own_input() -> BinaryIO:
     Libraries look at standard input when they are loaded, as that of Fortran in SciPy. On Windows they would wait until
     the thread that reads it gets a line.
     """
-    protocol, empty = os.dup(0), os.open(os.devnull, os.O_RDONLY)
+    protocol = os.dup(0)
+    empty = os.open(os.devnull, os.O_RDONLY)
     os.dup2(empty, 0)
     os.close(empty)
     # Unbuffered: a thread that waits for input would hold the lock of a buffer when the process exits.

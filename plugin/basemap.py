@@ -23,8 +23,10 @@ from .platforms import resolved
 
 tr = partial(QCoreApplication.translate, "BaseMap")
 
-OWN_KEY, OWN_ATTRIBUTION_KEY = "furrowmap/basemapOwn", "furrowmap/basemapOwnAttribution"
-NO_BASE_MAP, OWN_BASE_MAP = "none", "own"
+OWN_KEY = "furrowmap/basemapOwn"
+OWN_ATTRIBUTION_KEY = "furrowmap/basemapOwnAttribution"
+NO_BASE_MAP = "none"
+OWN_BASE_MAP = "own"
 BASE_MAP_PROPERTY = "furrowmap/basemap"
 """Property of a layer: the key of the base map."""
 ATTRIBUTION_PROPERTY = "furrowmap/attribution"
@@ -47,7 +49,8 @@ def base_maps() -> tuple[BaseMap, ...]:
     """The base maps on offer."""
     gsi = tr("Geospatial Information Authority of Japan (GSI) tiles")
     host = "https://cyberjapandata.gsi.go.jp/xyz"
-    osm, osm_tiles = tr("© OpenStreetMap contributors"), "https://tile.openstreetmap.org/{z}/{x}/{y}.png"
+    osm = tr("© OpenStreetMap contributors")
+    osm_tiles = "https://tile.openstreetmap.org/{z}/{x}/{y}.png"
     return (
         BaseMap("osm", "OpenStreetMap", osm_tiles, 19, osm),
         BaseMap("gsi-standard", tr("GSI standard map"), f"{host}/std/{{z}}/{{x}}/{{y}}.png", 18, gsi),

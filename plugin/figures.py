@@ -20,7 +20,8 @@ MOST = 1e15
 
 def figure_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     """Pairs of a label and a value with its unit, from a report."""
-    figures, accuracy = object_in(report, "figures"), object_in(report, "accuracy")
+    figures = object_in(report, "figures")
+    accuracy = object_in(report, "accuracy")
     rows = [
         (tr("Start"), _local_time(figures)),
         (tr("Worked"), _area(figures, "worked_area_m2", "worked_area_sigma_m2")),
@@ -60,7 +61,8 @@ def figures_html(report: dict[str, Any]) -> str:
 def verdict_html(report: dict[str, Any]) -> str:
     """The contradiction in the results and the doubts about them, which stand above the figures."""
     verdict = object_in(report, "verdict")
-    text, doubts = localized(verdict, "text"), localized(verdict, "doubts")
+    text = localized(verdict, "text")
+    doubts = localized(verdict, "doubts")
     shown = "".join(f"<p>⚠ {escape(str(doubt))}</p>" for doubt in (doubts if isinstance(doubts, list) else []))
     if not text:
         return shown
@@ -147,7 +149,8 @@ def _duration(seconds: Any) -> str | None:
 
 def _area(figures: dict[str, Any], key: str, sigma_key: str) -> str | None:
     """An area in m², from 1,000 m² on in hectares as on pages, with its margin of error."""
-    area, sigma = figures.get(key), figures.get(sigma_key)
+    area = figures.get(key)
+    sigma = figures.get(sigma_key)
     if not isinstance(area, (int, float)):
         return None
     factor, form, unit = (1e-4, "{:,.3f}", "ha") if area >= 1e3 else (1.0, f"{{:,.{1 if area >= 10 else 2}f}}", "m²")
@@ -159,7 +162,8 @@ def _area(figures: dict[str, Any], key: str, sigma_key: str) -> str | None:
 
 def _field(figures: dict[str, Any]) -> str | None:
     """Area of the field, and how much of it was worked."""
-    area, share = _area(figures, "field_area_m2", ""), figures.get("worked_share")
+    area = _area(figures, "field_area_m2", "")
+    share = figures.get("worked_share")
     if area is None or not isinstance(share, (int, float)):
         return area
     return tr("{area}, {share:.0f} % of it worked").format(area=area, share=100.0 * share)

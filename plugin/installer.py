@@ -29,7 +29,8 @@ from .worker import WorkerError, greet
 
 tr = partial(QCoreApplication.translate, "Installer")
 
-OLDEST_PYTHON, NEWEST_PYTHON = (3, 11), (3, 14)
+OLDEST_PYTHON = (3, 11)
+NEWEST_PYTHON = (3, 14)
 """Those for which :data:`LOCKED` has wheels."""
 LOCKED = Path(__file__).with_name("locked_packages.txt")
 """Not named requirements.txt: there are plugins that install such a file into QGIS's Python."""

@@ -56,9 +56,12 @@ def service_layers(text: str, url: str, wanted_crs: str = "") -> list[ServiceLay
 
 def _parsed(text: str) -> ET.Element:
     """The elements of a text without entities of its own, by which a hostile one could grow."""
-    builder, parser = ET.TreeBuilder(), expat.ParserCreate("utf-8", "}")
-    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
-    parser.CharacterDataHandler, parser.EntityDeclHandler = builder.data, _refuse
+    builder = ET.TreeBuilder()
+    parser = expat.ParserCreate("utf-8", "}")
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    parser.EntityDeclHandler = _refuse
     try:
         parser.Parse(text.encode(), True)  # noqa: FBT003 - it is all of it
     except expat.ExpatError as error:

@@ -19,7 +19,8 @@ from .styles import load_style_of_language, show_as_surface
 tr = partial(QCoreApplication.translate, "Previews")
 
 ACCOUNT = "preview.json"
-TRACK_FILE, SURFACE_FILE = "preview_track.gpkg", "preview_dsm.tif"
+TRACK_FILE = "preview_track.gpkg"
+SURFACE_FILE = "preview_dsm.tif"
 PREVIEW_PROPERTY = "furrowmap/preview"
 """Property of a group in the layer tree: the :func:`session_key` of the session."""
 
@@ -45,7 +46,8 @@ def open_preview(folder: str | Path, project: QgsProject | None = None) -> list[
 
 def remove_previews(project: QgsProject, account: dict[str, Any]) -> None:
     """Remove the previews of a session, of which `account` is the `preview.json` or `report.json`, from a project."""
-    root, key = project.layerTreeRoot(), session_key(account)
+    root = project.layerTreeRoot()
+    key = session_key(account)
     if not key:
         return
     for group in [group for group in root.findGroups() if group.customProperty(PREVIEW_PROPERTY) == key]:
@@ -75,7 +77,8 @@ def preview_text(account: dict[str, Any]) -> str:
     """A preview in one line: path length, duration, share of RTK fixes."""
     figures = account.get("figures") or {}
     used = (account.get("positions") or {}).get("used") or {}
-    distance, duration = figures.get("distance_m", 0.0), figures.get("duration_s", 0.0)
+    distance = figures.get("distance_m", 0.0)
+    duration = figures.get("duration_s", 0.0)
     if not (abs(distance) < MOST and abs(duration) < MOST):
         return str(tr("the times or positions are damaged"))
     text = str(tr("{distance:,.0f} m in {time:,.0f} s").format(distance=distance, time=duration))

@@ -42,7 +42,8 @@ def run_program(words: Sequence[str], on_line: Callable[[str], None], is_cancell
     if not process.waitForStarted(10_000):
         raise ProgramError(f"{words[0]}: {process.errorString()}")
     process.closeWriteChannel()  # a program that asks a question gets the end of its input
-    answer, lines = "", []
+    answer = ""
+    lines = []
     try:
         running = True
         while running:

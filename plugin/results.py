@@ -236,13 +236,15 @@ def set_time_range(project: QgsProject, report: dict[str, Any]) -> None:
     start, end = span
     known = project.timeSettings().temporalRange()
     if known.begin().isValid() and known.end().isValid():
-        start, end = min(start, known.begin()), max(end, known.end())
+        start = min(start, known.begin())
+        end = max(end, known.end())
     project.timeSettings().setTemporalRange(QgsDateTimeRange(start, end))
 
 
 def show_from_end(layer: QgsVectorLayer | QgsRasterLayer, report: dict[str, Any]) -> None:
     """Have the temporal controller show a layer from the end of the drive on."""
-    span, time = time_span(report), layer.temporalProperties()
+    span = time_span(report)
+    time = layer.temporalProperties()
     if span is not None:
         modes = Qgis.RasterTemporalMode if isinstance(layer, QgsRasterLayer) else Qgis.VectorTemporalMode
         time.setMode(modes.FixedTemporalRange)

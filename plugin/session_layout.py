@@ -39,7 +39,10 @@ from .legends import label_band, shown_name
 
 tr = partial(QCoreApplication.translate, "SessionLayout")
 
-LEFT_MM, TOP_MM, MAP_WIDTH_MM, BOTTOM_MM = 10.0, 22.0, 190.0, 190.0
+LEFT_MM = 10.0
+TOP_MM = 22.0
+MAP_WIDTH_MM = 190.0
+BOTTOM_MM = 190.0
 """Of the map; what is above, below and beside it begins there."""
 SIDE_MM = (204.0, 86.0)
 """Left and width of the column beside the map, with figures and legend."""
@@ -72,7 +75,8 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     root = project.layerTreeRoot()
     visible = {node.layerId() for node in root.findLayers() if node.isVisible()}
     by_name = {node.layer().name(): node.layer() for node in group.findLayers()}
-    passes, coverage = by_name.get("passes"), by_name.get("coverage")
+    passes = by_name.get("passes")
+    coverage = by_name.get("coverage")
     if (
         passes is not None and coverage is not None and coverage.id() in visible
     ):  # a page for each pass shows which it is

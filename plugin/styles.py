@@ -30,10 +30,12 @@ from qgis.PyQt.QtXml import QDomDocument
 
 from .legends import LABELS
 
-LIGHT_AZIMUTH_DEG, LIGHT_ALTITUDE_DEG = 315.0, 40.0
+LIGHT_AZIMUTH_DEG = 315.0
+LIGHT_ALTITUDE_DEG = 40.0
 RELIEF_OPACITY = 0.6
 """The base map shows through the relief."""
-WORKED_COLOUR, WORKED_OPACITY = "31,120,180,255", 0.75
+WORKED_COLOUR = "31,120,180,255"
+WORKED_OPACITY = 0.75
 CHANGES_M = LABELS["changes_m"]
 """Heights and colours: sunk, unchanged (transparent: the surface below is seen), risen; as the products' own style."""
 COUNTS = LABELS["counts"]
@@ -57,7 +59,8 @@ def show_as_change(layer: QgsRasterLayer, *, styled: bool = False) -> None:
     """Draw a layer in the colours of its legend; without a style it gets those of :data:`CHANGES_M`."""
     if styled:
         return
-    low_m, high_m = CHANGES_M[0][0], CHANGES_M[-1][0]
+    low_m = CHANGES_M[0][0]
+    high_m = CHANGES_M[-1][0]
     ramp = QgsColorRampShader(low_m, high_m)
     ramp.setColorRampType(QgsColorRampShader.Type.Interpolated)
     item = QgsColorRampShader.ColorRampItem

@@ -15,8 +15,13 @@ from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import QCoreApplication, QTranslator, QXmlStreamReader
 
 QM_MAGIC = bytes.fromhex("3cb86418caef9c95cd211cbf60a1bddd")
-HASHES, MESSAGES = 0x42, 0x69
-END, TRANSLATION, SOURCE, CONTEXT, COMMENT = 1, 3, 6, 7, 8
+HASHES = 0x42
+MESSAGES = 0x69
+END = 1
+TRANSLATION = 3
+SOURCE = 6
+CONTEXT = 7
+COMMENT = 8
 
 
 def install_translator(locale: str | None = None) -> QTranslator | None:
@@ -59,7 +64,8 @@ def messages(path: Path) -> dict[tuple[str, str], str]:
 
 def compiled(translations: Mapping[tuple[str, str], str]) -> bytes:
     """The content of a .qm file, as Qt's `lrelease` writes it and QTranslator reads it."""
-    hashes, body = [], bytearray()
+    hashes = []
+    body = bytearray()
     for (context, source), translation in translations.items():
         hashes.append((elf_hash(source.encode()), len(body)))
         for tag, text in (

@@ -328,7 +328,7 @@ OPTIONS = {"option", "argument"}
 def functions() -> list[tuple[str, ast.FunctionDef, set[str]]]:
     """Every function of the product and the plugin, but kernels: its name, itself, the names of its decorators."""
     found = []
-    for path in (p for part in (*PARTS, "plugin") for p in sorted((CHECKOUT / part).rglob("*.py"))):
+    for path in product_files():
         nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
         of_class = {part: node.name for node in nodes if isinstance(node, ast.ClassDef) for part in node.body}
         for node in nodes:
@@ -341,12 +341,17 @@ def functions() -> list[tuple[str, ast.FunctionDef, set[str]]]:
     return found
 
 
+def product_files() -> list[Path]:
+    """The Python files of the package and of the plugin."""
+    return [path for part in (*PARTS, "plugin") for path in sorted((CHECKOUT / part).rglob("*.py"))]
+
+
 @cache
 def definitions() -> tuple[dict[str, set[str]], dict[str, dict[str, set[str]]]]:
     """Class name → modules that define it; constant → its value as source → modules that define it so."""
     classes: dict[str, set[str]] = {}
     constants: dict[str, dict[str, set[str]]] = {}
-    for path in (p for part in (*PARTS, "plugin") for p in sorted((CHECKOUT / part).rglob("*.py"))):
+    for path in product_files():
         module = path.relative_to(CHECKOUT).as_posix()
         tree = ast.parse(path.read_text(encoding="utf-8"))
         for node in ast.walk(tree):
@@ -366,6 +371,14 @@ def test_names__of_classes_have_one_meaning() -> None:
 
 def test_names__of_constants_have_one_value() -> None:
     assert {name: values for name, values in definitions()[1].items() if len(values) > 1} == {}
+
+
+def test_assignments__set_one_name_each() -> None:
+    """Exchanges of values and the like are left: at most one in fifty."""
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in product_files()]
+    found = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    several = [node for node in found if isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple)]
+    assert len(several) <= 0.02 * len(found)
 
 
 def test_functions__are_short() -> None:

@@ -109,7 +109,8 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
         held: equations of all knots with fixed references.
     """
     inside = knots.at(antenna.positions.t_s)[2]
-    t_s, run = antenna.positions.t_s[inside], antenna.positions.run[inside]
+    t_s = antenna.positions.t_s[inside]
+    run = antenna.positions.run[inside]
     sways = measured_heights(antenna.positions)[inside]
     if len(t_s) < MIN_SWAY_POSITIONS or float(np.median(np.diff(t_s))) > MAX_SWAY_STEP_S:
         return AntennaSway()
@@ -119,7 +120,8 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
     cuts = np.flatnonzero((step > 1.5 * np.median(step)) | (np.diff(run) != 0)) + 1
     segments = [slice(a, b) for a, b in pairwise([0, *cuts.tolist(), len(t_s)])]
     # By how much horizontal residuals change with the antenna's height once the poses have followed.
-    own, size = state.rotation[k, :, 2], state.layout.size
+    own = state.rotation[k, :, 2]
+    size = state.layout.size
     rows = np.einsum("mas,ma->ms", design, own / sigma**2)
     right = np.zeros((len(state.xyz_m), size))
     np.add.at(right, k, rows[:, :size])
@@ -127,7 +129,8 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
     follows = held.solve().by(right.ravel()).reshape(right.shape)
     moved = np.einsum("mas,ms->ma", design, np.concatenate([follows[k], follows[k + 1]], axis=1))
     left: FloatArray = (own - moved)[:, :2]
-    residual, left = _swaying(residual, segments), _swaying(left, segments)
+    residual = _swaying(residual, segments)
+    left = _swaying(left, segments)
     axes = _swaying(state.rotation[k, 2, :2], segments)
     batch = np.floor((t_s - t_s[0]) / SWAY_BATCH_S).astype(np.int64)
     swaying = np.flatnonzero(sways)
@@ -163,7 +166,9 @@ def _fitted(
     used = np.flatnonzero(
         np.abs(residual) < MAX_SWAY_DEVIATIONS * 1.4826 * max(float(np.median(np.abs(residual))), 1e-6)
     )
-    design, residual, batch = design[used], residual[used], batch[used]
+    design = design[used]
+    residual = residual[used]
+    batch = batch[used]
     normal = design.T @ design
     if len(used) < MIN_SWAY_POSITIONS or np.linalg.eigvalsh(normal)[0] < 1e-9:
         return np.zeros(design.shape[1]), np.full(design.shape[1], np.inf), used

@@ -182,12 +182,15 @@ def boresight(
         if certain[columns].any():
             freed[columns] |= certain[columns]
             settled = _settle(returns, carrier, settled.state, settled.observed, freed) or settled
-    state, fitted, free = settled.state, settled.fitted, settled.free
+    state = settled.state
+    fitted = settled.fitted
+    free = settled.free
     own = np.degrees(np.sqrt(np.diag(fitted.covariance)))
     inside = (trajectory.t_s >= returns.t_s[0]) & (trajectory.t_s <= returns.t_s[-1])
     sigma = np.hypot(own[:3], np.nanmedian(trajectory.sigma[inside, 3:], axis=0))
     clock_sigma_s = float(np.sqrt(fitted.covariance[CLOCK_COLUMN, CLOCK_COLUMN]))
-    value, spread = free.values.copy(), np.sqrt(np.diag(free.covariance))
+    value = free.values.copy()
+    spread = np.sqrt(np.diag(free.covariance))
     value[:CLOCK_COLUMN] = np.degrees(value[:CLOCK_COLUMN])
     value[CLOCK_COLUMN] += state.clock_s - begin.clock_s
     value[PLACE_COLUMNS] += state.place_m - begin.place_m
@@ -314,7 +317,8 @@ def _settle(
         state = _State(rotation, state.place_m + values[PLACE_COLUMNS], clock_s)
         if (seen := _observe(returns, carrier, state)) is None:
             return None
-        observed, fitted = seen, _fit(seen, prior)
+        observed = seen
+        fitted = _fit(seen, prior)
     return _Settled(first_m, state, fitted, _fit(observed, FREE_PRIOR), observed)
 
 
@@ -335,7 +339,8 @@ def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]
     angles, place = (", ".join(f"{k:.3f}" for k in known) for known in (found.mounting.rpy_deg, found.mounting.xyz_m))
     notices = []
     if found.differs:
-        after, before = 1e3 * found.scatter_m[1], 1e3 * found.scatter_m[0]
+        after = 1e3 * found.scatter_m[1]
+        before = 1e3 * found.scatter_m[0]
         margins = ", ".join(margin(sigma, "°") for sigma in found.sigma_deg)
         notices.append(
             Notice("boresight-off", scatter_m=after, scatter_m_scaled=before, angles=angles, margins=margins)
@@ -400,7 +405,8 @@ def positions_creep_mps(returns: StripReturns, strips: Sequence[Interval], used:
     """(2,) speed by easting and northing at which ground moves from strip to strip; zero where none is certain."""
     number = interval_numbers(strips, returns.t_s).astype(np.int64)
     number[number == 0] = -1
-    since_s, creep_mps = returns.t_s - returns.t_s.mean(), np.zeros(2)
+    since_s = returns.t_s - returns.t_s.mean()
+    creep_mps = np.zeros(2)
     for _ in range(MAX_CREEP_ROUNDS):
         origin_m = returns.origin_m.copy()
         origin_m[:, :2] -= since_s[:, None] * creep_mps
@@ -418,12 +424,15 @@ def _creep_step(returns: StripReturns, since_s: FloatArray, heights: CellHeights
     first, second = same_cell_pairs(heights.cell[chosen])
     if len(first) < MIN_CREEP_PAIRS:
         return np.zeros(2), 0.0
-    a, b = chosen[first], chosen[second]
+    a = chosen[first]
+    b = chosen[second]
     inside = heights.member >= 0
-    member, groups = heights.member[inside], len(heights.cell)
+    member = heights.member[inside]
+    groups = len(heights.cell)
     at_s = np.bincount(member, since_s[inside], groups) / np.maximum(np.bincount(member, minlength=groups), 1)
     noise = variance[first] / heights.count[a] + variance[second] / heights.count[b]
-    sigma, later_s = np.sqrt(noise + 2.0 * CELL_HEIGHT_SIGMA_M**2), at_s[b] - at_s[a]
+    sigma = np.sqrt(noise + 2.0 * CELL_HEIGHT_SIGMA_M**2)
+    later_s = at_s[b] - at_s[a]
     differ = np.column_stack([-heights.slope[a] * later_s[:, None], heights.height_m[b] - heights.height_m[a]])
     # A constant of each two strips, which their errors of height are, is eliminated.
     two = np.unique(heights.window[a] * len(returns) + heights.window[b], return_inverse=True)[1]

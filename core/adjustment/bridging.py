@@ -83,16 +83,19 @@ def bridge_gaps(problem: Problem, it: Iterate) -> Iterate:
 
 def carry_poses(problem: Problem, it: Iterate, gap: Gap, to_s: float, *, forward: bool) -> State:
     """The state with poses carried into a gap from its begin, or from its end, to a time in it and somewhat beyond."""
-    p, state = problem, it.state
+    p = problem
+    state = it.state
     length_s = to_s - gap.begin_s if forward else gap.end_s - to_s
     for number in range(1, int(np.ceil(length_s / STEP_IN_S)) + 2):
         reach_s = number * STEP_IN_S
         if forward:
-            begin_s, end_s = gap.begin_s + reach_s - LEAD_S, gap.begin_s + reach_s
+            begin_s = gap.begin_s + reach_s - LEAD_S
+            end_s = gap.begin_s + reach_s
             part, knots = part_of(p.knots, gap.chain, begin_s, end_s + AHEAD_S)
             rest = gap.begin_s, end_s - HOLD_S
         else:
-            begin_s, end_s = gap.end_s - reach_s, gap.end_s - reach_s + LEAD_S
+            begin_s = gap.end_s - reach_s
+            end_s = gap.end_s - reach_s + LEAD_S
             part, knots = part_of(p.knots, gap.chain, begin_s - AHEAD_S, end_s)
             rest = begin_s + HOLD_S, gap.end_s
         ends = np.clip((begin_s, end_s), knots.t_s[0], knots.t_s[-1])
@@ -180,7 +183,8 @@ def continued(knots: Knots, state: State, carried: State, begin_s: float, end_s:
     """
     at = (knots.t_s >= begin_s) & (knots.t_s <= end_s)
     turn = Rotation.from_matrix(state.rotation[at] @ carried.rotation[at].transpose(0, 2, 1)).mean()
-    here, there = carried.xyz_m[at].mean(axis=0), state.xyz_m[at].mean(axis=0)
+    here = carried.xyz_m[at].mean(axis=0)
+    there = state.xyz_m[at].mean(axis=0)
     rotation = turn.as_matrix() @ carried.rotation
     return replace(carried, xyz_m=there + turn.apply(carried.xyz_m - here), rotation=rotation)
 

@@ -93,7 +93,8 @@ def same_cell_pairs(cell: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[
     """Indices of all pairs of groups in one cell, the earlier group first."""
     order = np.argsort(cell, kind="stable")
     ordered = cell[order]
-    firsts, seconds = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
+    firsts = [np.zeros(0, np.intp)]
+    seconds = [np.zeros(0, np.intp)]
     for apart in range(1, int(np.bincount(np.unique(cell, return_inverse=True)[1]).max(initial=1))):
         same = np.flatnonzero(ordered[apart:] == ordered[:-apart])
         firsts.append(order[same])
@@ -127,7 +128,9 @@ def derivatives(
 @kernel()
 def _turned(w, i, j, k, x, y, z):  # type: ignore[no-untyped-def]
     """A vector rotated by a unit quaternion (w, i, j, k)."""
-    tx, ty, tz = 2 * (j * z - k * y), 2 * (k * x - i * z), 2 * (i * y - j * x)
+    tx = 2 * (j * z - k * y)
+    ty = 2 * (k * x - i * z)
+    tz = 2 * (i * y - j * x)
     return x + w * tx + j * tz - k * ty, y + w * ty + k * tx - i * tz, z + w * tz + i * ty - j * tx
 
 
@@ -146,7 +149,8 @@ def _placed(sensor, origin, rotation, window, mounting, lever):  # type: ignore[
     """Returns in the map (n, 3) float32, and their least and greatest easting and northing."""
     n = len(sensor)
     out = np.empty((n, 3), np.float32)
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    low = np.full(2, np.inf)
+    high = np.full(2, -np.inf)
     for i in range(n):
         if window[i] < 0:
             continue
@@ -154,8 +158,11 @@ def _placed(sensor, origin, rotation, window, mounting, lever):  # type: ignore[
         ax, ay, az = _turned(
             rotation[i, 0], rotation[i, 1], rotation[i, 2], rotation[i, 3], ux + lever[0], uy + lever[1], uz + lever[2]
         )
-        out[i, 0], out[i, 1], out[i, 2] = origin[i, 0] + ax, origin[i, 1] + ay, origin[i, 2] + az
-        x, y = float(out[i, 0]), float(out[i, 1])
+        out[i, 0] = origin[i, 0] + ax
+        out[i, 1] = origin[i, 1] + ay
+        out[i, 2] = origin[i, 2] + az
+        x = float(out[i, 0])
+        y = float(out[i, 1])
         low[0], low[1] = min(low[0], x), min(low[1], y)
         high[0], high[1] = max(high[0], x), max(high[1], y)
     return out, low, high
@@ -169,7 +176,9 @@ def _plane_sums(xyz, window, first, columns, rows):  # type: ignore[no-untyped-d
     for i in range(len(xyz)):
         if window[i] < 0:
             continue
-        x, y, z = float(xyz[i, 0]), float(xyz[i, 1]), float(xyz[i, 2])
+        x = float(xyz[i, 0])
+        y = float(xyz[i, 1])
+        z = float(xyz[i, 2])
         c = int(np.floor(x / STRIP_CELL_M) - first[0]) * rows + int(np.floor(y / STRIP_CELL_M) - first[1])
         cell[i] = c
         out[c, 0] += 1.0
@@ -202,13 +211,20 @@ def _planes(sums, columns, rows):  # type: ignore[no-untyped-def]
             n = s[0]
             if n <= MIN_CELL_PLANE_RETURNS:
                 continue
-            x, y, z = s[1] / n, s[2] / n, s[3] / n
-            cxx, cyy, cxy = s[4] / n - x * x, s[5] / n - y * y, s[6] / n - x * y
-            czx, czy = s[7] / n - z * x, s[8] / n - z * y
+            x = s[1] / n
+            y = s[2] / n
+            z = s[3] / n
+            cxx = s[4] / n - x * x
+            cyy = s[5] / n - y * y
+            cxy = s[6] / n - x * y
+            czx = s[7] / n - z * x
+            czy = s[8] / n - z * y
             determinant = cxx * cyy - cxy**2
             if determinant > (0.4 * STRIP_CELL_M) ** 4:
-                out[c, 0], out[c, 1] = x, y
-                out[c, 2], out[c, 3] = (czx * cyy - czy * cxy) / determinant, (czy * cxx - czx * cxy) / determinant
+                out[c, 0] = x
+                out[c, 1] = y
+                out[c, 2] = (czx * cyy - czy * cxy) / determinant
+                out[c, 3] = (czy * cxx - czx * cxy) / determinant
                 out[c, 4] = 1.0
     return out
 
@@ -226,16 +242,19 @@ def _sums(xyz, cell, window, planes):  # type: ignore[no-untyped-def]
         if window[i] < 0 or planes[c, 4] == 0.0:
             continue
         if last_window[c] != window[i]:
-            last_window[c], group_of[c] = window[i], used
+            last_window[c] = window[i]
+            group_of[c] = used
             used += 1
         member[i] = group_of[c]
-    groups, sums = np.zeros((used, 3), np.int64), np.zeros((used, 2))
+    groups = np.zeros((used, 3), np.int64)
+    sums = np.zeros((used, 2))
     for i in range(n):
         g = member[i]
         if g < 0:
             continue
         c = cell[i]
-        groups[g, 0], groups[g, 1] = c, window[i]
+        groups[g, 0] = c
+        groups[g, 1] = window[i]
         groups[g, 2] += 1
         height = xyz[i, 2] - planes[c, 2] * (xyz[i, 0] - planes[c, 0]) - planes[c, 3] * (xyz[i, 1] - planes[c, 1])
         sums[g, 0] += height
@@ -254,8 +273,12 @@ def _derivative_sums(  # type: ignore[no-untyped-def]
         if g < 0 or row[g] < 0:
             continue
         r = row[g]
-        sx, sy = slope[g, 0], slope[g, 1]
-        w, a, b, c = rotation[i, 0], rotation[i, 1], rotation[i, 2], rotation[i, 3]
+        sx = slope[g, 0]
+        sy = slope[g, 1]
+        w = rotation[i, 0]
+        a = rotation[i, 1]
+        b = rotation[i, 2]
+        c = rotation[i, 3]
         ux, uy, uz = _reach(mounting, sensor[i, 0], sensor[i, 1], sensor[i, 2])
         ax, ay, az = _turned(w, a, b, c, ux + lever[0], uy + lever[1], uz + lever[2])
         nx, ny, nz = _turned(w, -a, -b, -c, -sx, -sy, 1.0)
@@ -306,7 +329,10 @@ def adjust_cells(groups: GroupHeights, spread: FloatArray) -> tuple[FloatArray, 
     parameters = g.design.shape[1]
     order = np.argsort(g.cell, kind="stable")
     begin = np.concatenate([[0], np.cumsum(np.bincount(g.cell))])
-    cell, window, height, independent = g.cell[order], g.window[order], g.height_m[order], g.weight[order]
+    cell = g.cell[order]
+    window = g.window[order]
+    height = g.height_m[order]
+    independent = g.weight[order]
     design = np.ascontiguousarray(g.design[order])
     robust = np.ones(len(order))
     for _ in range(ROBUST_ROUNDS):
@@ -325,9 +351,12 @@ def adjust_cells(groups: GroupHeights, spread: FloatArray) -> tuple[FloatArray, 
 @kernel()
 def _normal_equations(begin, window, height, design, weight, unknowns):  # type: ignore[no-untyped-def]
     """Normal matrix without its lower left, right side, mean heights of the cells, mean derivatives (c, p)."""
-    p, cells = design.shape[1], len(begin) - 1
-    normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
-    middle, means = np.zeros(cells), np.zeros((cells, p))
+    p = design.shape[1]
+    cells = len(begin) - 1
+    normal = np.zeros((unknowns, unknowns))
+    right = np.zeros(unknowns)
+    middle = np.zeros(cells)
+    means = np.zeros((cells, p))
     for c in range(cells):
         total = 0.0
         mean = means[c]
@@ -340,7 +369,8 @@ def _normal_equations(begin, window, height, design, weight, unknowns):  # type:
         for j in range(p):
             mean[j] /= total
         for g in range(begin[c], begin[c + 1]):
-            w, u = weight[g], p + window[g]
+            w = weight[g]
+            u = p + window[g]
             off = w * (height[g] - middle[c])
             right[u] += off
             normal[u, u] += w

@@ -211,7 +211,8 @@ class _Trial:
     def agreement(self, offsets: FloatArray, wanted: NDArray[np.bool_], every: int = 1) -> FloatArray:
         """(windows, offsets) agreement of halves where it is wanted, by every so manyth return; nan elsewhere."""
         out = np.full(wanted.shape, np.nan)
-        count, total = np.zeros((2, COUNT_GRID, COUNT_GRID), np.int64), np.zeros((2, COUNT_GRID, COUNT_GRID))
+        count = np.zeros((2, COUNT_GRID, COUNT_GRID), np.int64)
+        total = np.zeros((2, COUNT_GRID, COUNT_GRID))
         for row, window in enumerate(self.windows):
             t_s, place, height, half = (np.ascontiguousarray(values[::every]) for values in window)
             these = np.flatnonzero(wanted[row])
@@ -332,12 +333,14 @@ def antenna_constants(
     k, design, residual, sigma = antenna.linearised(knots, state)
     if not len(k):
         return AntennaConstants()
-    place, size = state.xyz_m + state.rotation @ antenna.lever_m, state.layout.size
+    place = state.xyz_m + state.rotation @ antenna.lever_m
+    size = state.layout.size
     velocity = (place[k + 1] - place[k]) / KNOT_STEP_S
     own = np.concatenate([velocity[:, :, None], state.rotation[k][:, :, :2]], axis=2)
     weighted = own / sigma[:, :, None] ** 2
     by_knots = np.einsum("mas,maq->qms", design, weighted)
-    links, solved = [], []
+    links = []
+    solved = []
     for rows in by_knots:
         link = np.zeros((len(knots), size))
         np.add.at(link, k, rows[:, :size])

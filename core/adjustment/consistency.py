@@ -212,7 +212,8 @@ _LIKELY: Final = {
 
 def contradiction_notice(seen: Seen) -> Notice | None:
     """The notice of a contradiction, with its figures and likely cause; None where there is none."""
-    cause, c = seen.cause, seen.constants
+    cause = seen.cause
+    c = seen.constants
     if cause is None:
         return None
     shown = []
@@ -289,13 +290,15 @@ def enlarge_sigmas(
     """
     if seen.cause is None:
         return trajectory
-    sigma, c = trajectory.sigma * max(seen.factor, 1.0), seen.constants
+    sigma = trajectory.sigma * max(seen.factor, 1.0)
+    c = seen.constants
     other = seen.ground.model
     if other is not None:
         # Poses fitted to it are off by as much.
         sigma[:, 2] = np.hypot(sigma[:, 2], other.ground.above_m)
         sigma[:, 3:5] = np.hypot(sigma[:, 3:5], other.ground.tilt_deg)
-    turn_deg, turned_deg = seen.ground.tilt_deg, max(turned_deg, abs(seen.ground.facing.offset_deg))
+    turn_deg = seen.ground.tilt_deg
+    turned_deg = max(turned_deg, abs(seen.ground.facing.offset_deg))
     place_m = 2.0 * float(np.linalg.norm(sensor_m)) if turn_deg else 0.0
     if seen.lever_m is not None:
         place_m = max(place_m, float(np.linalg.norm(np.subtract(seen.lever_m, lever_m))))
@@ -318,7 +321,9 @@ def enlarge_sigmas(
 
 def check_consistency(adjusted: Adjusted, ground: GroundTilt) -> Seen:
     """What an adjusted trajectory shows; `ground` says how the ground lies in the vehicle frame."""
-    knots, state, positions = adjusted.problem.knots, adjusted.state, adjusted.problem.positions
+    knots = adjusted.problem.knots
+    state = adjusted.state
+    positions = adjusted.problem.positions
     linked = knots.linked
     steps = [
         (s.sideways_m, s.sigma_m) for s in (AxleSteps.from_knots(linked[p], state) for p in arrays.parts(len(linked)))

@@ -50,13 +50,17 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
     Args:
         axis: (3,) unit vector along the sensor's axis, upwards, in the vehicle frame.
     """
-    returns, knots, state, sensor = placing.returns, placing.knots, placing.state, placing.sensor
+    returns = placing.returns
+    knots = placing.knots
+    state = placing.state
+    sensor = placing.sensor
     if len(returns.laser) != len(returns):
         return None
     portions = blocks(returns.t_s, knots, LASER_THIN, placing.unused)
     surface = session_surface(placing, portions, LASER_CELL_M)
     tiles = surface.tiles
-    sensor_m, axes = state.xyz_m + state.rotation @ sensor.xyz_m, state.rotation @ (sensor.turn @ axis)
+    sensor_m = state.xyz_m + state.rotation @ sensor.xyz_m
+    axes = state.rotation @ (sensor.turn @ axis)
 
     def work(share: Iterable[Portion]) -> FloatArray:
         sums = np.zeros((4, MAX_LASERS))
@@ -90,7 +94,8 @@ def ranges_of(sums: FloatArray) -> LaserRanges | None:
     root = np.sqrt(weight)
     slow = np.linalg.lstsq(line * root[:, None], found * root, rcond=None)[0]
     information = weight + 1.0 / LASER_PRIOR_M**2
-    offset, sigma = np.zeros(MAX_LASERS), np.full(MAX_LASERS, np.nan)
+    offset = np.zeros(MAX_LASERS)
+    sigma = np.full(MAX_LASERS, np.nan)
     offset[seen] = (found - line @ slow) * weight / information
     sigma[seen] = 1.0 / np.sqrt(information)
     return LaserRanges(offset, sigma)
@@ -106,19 +111,26 @@ def _sum(  # type: ignore[no-untyped-def]
     for i in range(len(xyz_m)):
         if layer[i] < 0:
             continue
-        u, s = xyz_m[i, 0] / cell_m, xyz_m[i, 1] / cell_m
-        x, y = int(np.floor(u)), int(np.floor(s))
+        u = xyz_m[i, 0] / cell_m
+        s = xyz_m[i, 1] / cell_m
+        x = int(np.floor(u))
+        y = int(np.floor(s))
         u -= x
         s -= y
         other = 2 * layer[i] + 1 - half[i]
-        ground, least = 0.0, np.inf
+        ground = 0.0
+        least = np.inf
         for c in range(4):
-            p, q = y + c // 2, x + c % 2
-            row, column = (p >> TILE_BITS) - south, (q >> TILE_BITS) - west
+            p = y + c // 2
+            q = x + c % 2
+            row = (p >> TILE_BITS) - south
+            column = (q >> TILE_BITS) - west
             if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
                 least = 0.0
                 break
-            tile, p, q = number[row, column], p & TILE_NODES - 1, q & TILE_NODES - 1
+            tile = number[row, column]
+            p = p & TILE_NODES - 1
+            q = q & TILE_NODES - 1
             least = min(least, weight[tile, other, p, q])
             ground += (s if c // 2 else 1.0 - s) * (u if c % 2 else 1.0 - u) * height[tile, other, p, q]
         if least < MIN_NODE_RETURNS:
@@ -129,7 +141,9 @@ def _sum(  # type: ignore[no-untyped-def]
         if normalised > GROUND_GATE:
             continue
         w = min(1.0, MATCHING_HUBER / max(normalised, 1e-9)) / variance
-        dx, dy, dz = xyz_m[i, 0] - sensor_m[i, 0], xyz_m[i, 1] - sensor_m[i, 1], xyz_m[i, 2] - sensor_m[i, 2]
+        dx = xyz_m[i, 0] - sensor_m[i, 0]
+        dy = xyz_m[i, 1] - sensor_m[i, 1]
+        dz = xyz_m[i, 2] - sensor_m[i, 2]
         distance = np.sqrt(dx * dx + dy * dy + dz * dz)
         a = dz / distance
         k = laser[i]
@@ -175,8 +189,10 @@ def range_bow(sigma_per_m: float, prior: NormalEquations, centre_m: FloatArray) 
     plan = centre_m[:, :2] - centre_m[:, :2].mean(axis=0)
     mode = np.zeros((len(centre_m), len(prior.right) // len(centre_m)))
     mode[:, 2] = sigma_per_m * (plan**2).sum(axis=1)
-    mode[:, 3], mode[:, 4] = 2.0 * sigma_per_m * plan[:, 1], -2.0 * sigma_per_m * plan[:, 0]
-    band, flat = prior.band, mode.ravel()
+    mode[:, 3] = 2.0 * sigma_per_m * plan[:, 1]
+    mode[:, 4] = -2.0 * sigma_per_m * plan[:, 0]
+    band = prior.band
+    flat = mode.ravel()
     right = band[0] * flat
     for k in range(1, len(band)):
         right[k:] += band[k, :-k] * flat[:-k]

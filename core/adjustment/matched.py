@@ -169,12 +169,17 @@ def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
 
 def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     """The adjusted trajectory; what determined the headings before matching is that of the first guess."""
-    problem, state, knots, last = adjusted.problem, adjusted.state, adjusted.problem.knots, adjusted.last
-    ground, walls = adjusted.ground.slices.normal, adjusted.walls.observation.sums.normal
+    problem = adjusted.problem
+    state = adjusted.state
+    knots = adjusted.problem.knots
+    last = adjusted.last
+    ground = adjusted.ground.slices.normal
+    walls = adjusted.walls.observation.sums.normal
     bow_sigma = range_bow_sigma(problem.returns, problem.sensor_m, problem.sensor_axis)
     sigma = sigmas(state, last, range_bow(bow_sigma, last.prior, last.centre_m), ground, walls)
     # Positions scatter by the sway as well, which matching removes: it may have passed for white noise.
-    white, drift = problem.positions.white_m[:, :2], problem.positions.drift_m[:, :2]
+    white = problem.positions.white_m[:, :2]
+    drift = problem.positions.drift_m[:, :2]
     sway_m2 = np.median(np.maximum(white**2 - (WHITE_SHARE * np.hypot(white, drift)) ** 2, 0.0))
     sigma[:, :2] = np.hypot(sigma[:, :2], np.sqrt(sway_m2))
     sigma[:, 2] = np.hypot(sigma[:, 2], CONSTANT_HEIGHT_SHARE * np.median(problem.positions.drift_m[:, 2]))
@@ -229,7 +234,8 @@ def as_by_positions(sigma: FloatArray, t_s: FloatArray, start: Trajectory, lever
         start: trajectory by positions alone.
         lever_m: (3,) of the antenna.
     """
-    out, known = arrays.copied(sigma), np.isfinite(start.sigma[:, 5])
+    out = arrays.copied(sigma)
+    known = np.isfinite(start.sigma[:, 5])
     if known.any():
         out[:, 5] = np.maximum(sigma[:, 5], np.interp(t_s, start.t_s[known], start.sigma[known, 5]))
     more = np.radians(np.sqrt(out[:, 5] ** 2 - sigma[:, 5] ** 2)) * np.hypot(lever_m[0], lever_m[1]) / np.sqrt(2.0)
@@ -297,13 +303,15 @@ class Information:
 
 def information_of(*normals: FloatArray) -> Information:
     """The information in the sum of normal matrices (n, 21) of the slices between knots; zero where there are none."""
-    n, half = len(normals[0]), round(AROUND_S / KNOT_STEP_S)
+    n = len(normals[0])
+    half = round(AROUND_S / KNOT_STEP_S)
     out = Information(np.zeros(n), np.zeros(n), np.zeros(n, np.bool_))
     row, column = np.triu_indices(6)
     for part in arrays.parts(n):
         around = slice(max(0, part.start - half), part.stop + half)
         normal = np.sum([one[around] for one in normals], axis=0)
-        before, after = half - (part.start - around.start), half - (min(n, around.stop) - part.stop)
+        before = half - (part.start - around.start)
+        after = half - (min(n, around.stop) - part.stop)
         total = np.cumsum(np.pad(normal, ((before + 1, after), (0, 0))), axis=0)
         near = total[2 * half + 1 :] - total[: -2 * half - 1]
         square = np.zeros((len(near), 6, 6))
@@ -364,7 +372,8 @@ def sources_of(
     relief, both = information_of(ground), information_of(ground, walls)
     by_walls = both.heading - relief.heading > relief.heading
     firmer = np.maximum(both.heading - relief.heading, relief.heading) > 1.0 / np.radians(heading_sigma_deg) ** 2
-    placed, placed_by_walls = both.place > 1.0 / PLACED_M**2, both.place - relief.place > relief.place
+    placed = both.place > 1.0 / PLACED_M**2
+    placed_by_walls = both.place - relief.place > relief.place
 
     def firmest(p: slice) -> list[NDArray[np.str_]]:
         scans = np.where(by_walls[p], "walls", "relief")
@@ -434,7 +443,9 @@ def height_is_off(found: MountingCalibration) -> bool:
 
 def match_figures(adjusted: Adjusted, used: Mounting) -> dict[str, Any]:
     """The figures of matching in the report, with the mounting in use."""
-    returns, walls, ranges = adjusted.problem.returns, adjusted.walls.scatter, adjusted.sensor.ranges
+    returns = adjusted.problem.returns
+    walls = adjusted.walls.scatter
+    ranges = adjusted.sensor.ranges
     constants = adjusted.constants
     matched, squares = adjusted.ground.tally[4:]
     return {

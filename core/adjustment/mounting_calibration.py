@@ -129,7 +129,8 @@ def mounting_calibration(
     t_s = knots.t_s[chosen]
 
     tyre = np.stack(np.meshgrid(TYRE_M, TYRE_M), axis=-1).reshape(-1, 2)
-    xyz_m, rotation = state.xyz_m[chosen], state.rotation[chosen]
+    xyz_m = state.xyz_m[chosen]
+    rotation = state.rotation[chosen]
 
     def under(places_m: FloatArray) -> FloatArray:
         """Heights (n, m) of the ground under tyres at places (m, 2), above the vehicles' frames; nan where not seen."""
@@ -144,7 +145,8 @@ def mounting_calibration(
         return np.where(known.mean(axis=2) > 0.6, mean, np.nan)
 
     half = HALF_TRACKS_M[:, None] * [0.0, 1.0]
-    left, right = under(half), under(-half)
+    left = under(half)
+    right = under(-half)
     by_track = (left - right) / (2.0 * HALF_TRACKS_M)
     track = _steadiest(by_track)
     rear = 0.5 * (left + right)[:, track]

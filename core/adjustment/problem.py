@@ -77,7 +77,8 @@ class Problem:
         aid: Aid | None = None,
     ) -> "Problem":
         """Of a wheeled vehicle with GNSS, whose trajectory is the first guess, and perhaps an IMU."""
-        knots, lever = knots_over(returns.t_s), np.asarray(lever_m, np.float64)
+        knots = knots_over(returns.t_s)
+        lever = np.asarray(lever_m, np.float64)
         origin = np.round(np.median(trajectory.xyz_m, axis=0))
         start = start_from(trajectory, knots, origin, VEHICLE if aid is None else AIDED)
         aiding = aid.observations(knots) if aid is not None else ()
@@ -175,7 +176,9 @@ class Iterate:
 
     def turned(self, turn_deg: FloatArray) -> "Iterate":
         """The sensor turned on the vehicle by roll, pitch and yaw: it stays as it is, the vehicle turns under it."""
-        state, sensor, (roll, pitch, yaw) = self.state, self.sensor, turn_deg.tolist()
+        state = self.state
+        sensor = self.sensor
+        roll, pitch, yaw = turn_deg.tolist()
         turn = Rotation.from_euler("ZYX", [yaw, -pitch, roll], degrees=True).as_matrix()
         rotation = state.rotation @ turn.T
         xyz = state.xyz_m + (state.rotation - rotation) @ sensor.xyz_m
@@ -240,9 +243,11 @@ class Adjusted:
         assert it.last is not None
         antenna = next(o for o in it.observations if isinstance(o, AntennaPositions))
         # A wrong lever arm looks like a clock offset, and no antenna stands at the vehicle's origin.
-        constants, sway = AntennaConstants(), AntennaSway()
+        constants = AntennaConstants()
+        sway = AntennaSway()
         if problem.lever_m.any():
-            knots, last = problem.knots, it.last
+            knots = problem.knots
+            last = it.last
             constants = antenna_constants(knots, it.state, antenna, last.coarse, last.centre_m, last.solution)
             sway = antenna_sway(knots, it.state, antenna, last.held)
             if not sway.off and sway.refutes(constants.lever_m, constants.lever_sigma_m):

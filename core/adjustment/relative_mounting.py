@@ -208,7 +208,8 @@ def relative_mounting(
     Args:
         scans: of the further scanner, by the clock of the positions as stated.
     """
-    trajectory, tool = first.trajectory, first.tool
+    trajectory = first.trajectory
+    tool = first.tool
     further = ground_returns(scans, stated, trajectory, on_scan)
     infinite = np.full(len(STATED_SPREAD), np.inf)
     unknown = RelativeMounting(stated, None, np.zeros(len(infinite)), infinite, (0.0, 0.0), 0, used=False)
@@ -225,7 +226,9 @@ def relative_mounting(
     walls = None
     if min(len(first.returns.upright), len(further.upright)) >= MIN_UPRIGHT_RETURNS:
         walls = session_walls(mapped, blocks(first.returns.upright.t_s, knots, 1, ()))
-    it, relief, scatter = _Iterate(np.eye(3), np.zeros(3), 0.0), Relief(), Scatter()
+    it = _Iterate(np.eye(3), np.zeros(3), 0.0)
+    relief = Relief()
+    scatter = Scatter()
     first_m = 0.0
     for cell_m, thin, rounds in ROUNDS:
         surface = session_surface(mapped, blocks(first.returns.t_s, knots, 1, ()), cell_m)
@@ -241,7 +244,8 @@ def relative_mounting(
             wall = register_to_walls(placing, upright, walls, scatter.correlated, None)
             equations = _equations(placing, [ground.sums.slices, wall.observation.sums])
             it, covariance = _solved(equations, it)
-            relief, scatter = ground.sums.relief(), wall.scatter
+            relief = ground.sums.relief()
+            scatter = wall.scatter
     count, squares = ground.sums.tally[4:6].tolist()
     if count < MIN_RETURNS:
         return replace(unknown, returns=int(count))
@@ -264,17 +268,21 @@ def _level(scanner: _Further, surface: HeightGrid, it: _Iterate) -> tuple[_Itera
     """Roll, pitch and height by how returns lie above a surface; also the RMS of that before, without outliers."""
     first_m = np.nan
     for _ in range(LEVEL_ROUNDS):
-        placing, rows, above = scanner.placing(it), [], []
+        placing = scanner.placing(it)
+        rows = []
+        above = []
         for chain, part in blocks(scanner.returns.t_s, scanner.knots, LEVEL_THIN, ()):
             placed = placing.ground(chain, part)
             x, y, _ = (placing.sensor.corrected(scanner.returns, part) - scanner.sensor_m).T
             rows.append(np.column_stack([y, -x, np.ones(len(x))]))
             above.append(placed.xyz_m[:, 2] - heights(surface, placed.xyz_m, placed.layer))
-        design, residual = np.concatenate(rows), np.concatenate(above)
+        design = np.concatenate(rows)
+        residual = np.concatenate(above)
         known = np.isfinite(residual)
         if known.sum() < 3:
             break
-        design, residual = design[known], residual[known]
+        design = design[known]
+        residual = residual[known]
         reach = 3.0 * np.median(np.abs(residual - np.median(residual)))
         kept = np.abs(residual - np.median(residual)) <= reach
         first_m = first_m if np.isfinite(first_m) else float(np.sqrt(np.mean(residual[kept] ** 2)))
@@ -293,10 +301,13 @@ def _equations(placing: Placing, sums: list[SliceSums]) -> _Equations:
     A point p of a pose at c moves by T + θ × (p − c). A turn ω of the scanner at s in the vehicle frame, a shift d and
     a delay τ give θ = R ω − Ω τ and T = R (d + s × ω) − V τ, with the speeds V and Ω of the vehicle.
     """
-    rotation, s = placing.state.rotation, placing.sensor.xyz_m
+    rotation = placing.state.rotation
+    s = placing.sensor.xyz_m
     cross = np.array([[0.0, -s[2], s[1]], [s[2], 0.0, -s[0]], [-s[1], s[0], 0.0]])
     design = np.zeros((len(rotation), 6, len(STATED_SPREAD)))
-    design[:, :3, :3], design[:, :3, 3:6], design[:, 3:, :3] = rotation @ cross, rotation, rotation
+    design[:, :3, :3] = rotation @ cross
+    design[:, :3, 3:6] = rotation
+    design[:, 3:, :3] = rotation
     design[:-1, :3, 6] = -np.diff(placing.position_m, axis=0) / KNOT_STEP_S
     design[:, 3:, 6] = -np.einsum("kij,kj->ki", rotation, placing.turn) / KNOT_STEP_S
     upper = np.triu_indices(6)

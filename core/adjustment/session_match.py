@@ -85,10 +85,12 @@ def match_to_ground(
         assert located.antenna is not None
         possible = ((FACING_ASSUMED, not ground.facing.shown), (LEVER_ASSUMED, any(lever_arm_m(session))))
         assumed = (*(notice for notice, holds in possible if holds), slow_errors_unchecked(located.antenna))
-        located, seen = replace(located, notices=(*located.notices, *assumed)), Seen(ground=ground)
+        located = replace(located, notices=(*located.notices, *assumed))
+        seen = Seen(ground=ground)
         if (notice := contradiction_notice(seen)) is None:
             return located, None
-        lever_m, sensor_m = np.asarray(lever_arm_m(session)), np.asarray(session.lidar.mounting.xyz_m)
+        lever_m = np.asarray(lever_arm_m(session))
+        sensor_m = np.asarray(session.lidar.mounting.xyz_m)
         trajectory = enlarge_sigmas(located.trajectory, seen, lever_m, sensor_m)
         return replace(located, trajectory=trajectory, notices=(*located.notices, notice)), None
     return replace(located, trajectory=matched.trajectory, notices=(*located.notices, *matched.notices)), matched
@@ -110,21 +112,24 @@ def match_session(
     Raises:
         LinAlgError: if positions and ground do not determine a part of the trajectory.
     """
-    offset_s, tried = 0.0, False
+    offset_s = 0.0
+    tried = False
     for number in range(CLOCK_ROUNDS):
         took = on_scan if not number else None
         prepared, ground = _prepared(located, lidar.ahead_by(offset_s), session, took, progress)
         if prepared is None:
             break
         if prepared.clock is not None and prepared.clock.certain and not tried:
-            offset_s, tried = offset_s + prepared.clock.clock_s, True
+            offset_s = offset_s + prepared.clock.clock_s
+            tried = True
             continue
         matched = match(prepared, lambda share: progress("matching scans", share))
         constants = matched.seen.constants
         if constants.clock_off or (offset_s and abs(constants.clock_s) > constants.clock_sigma_s):
             offset_s += constants.clock_s
         elif matched.seen.cause is not None and not tried and (suspected_s := _suspected_s(matched, prepared)):
-            offset_s, tried = offset_s + suspected_s, True
+            offset_s = offset_s + suspected_s
+            tried = True
         elif matched.seen.cause is not None and offset_s:
             break
         else:
@@ -147,16 +152,19 @@ def _suspected_s(matched: Matched, prepared: Prepared) -> float:
 
 def _judged(matched: Matched, prepared: Prepared, located: Located, session: Session) -> Matched:
     """The result with notices of an offset in use and of a contradiction, whose standard deviations are enlarged."""
-    seen, sensor = matched.seen, prepared.first.sensor
+    seen = matched.seen
+    sensor = prepared.first.sensor
     if seen.cause is Cause.UNKNOWN and located.with_lever is not None:
         x, y, z = lever_arm_m(session)
         others = [(-x, y, z), (x, -y, z), (-x, -y, z), (y, x, z), (y, -x, z), (-y, x, z)]
-        returns, start = prepared.problem.returns, prepared.start
+        returns = prepared.problem.returns
+        start = prepared.start
         better = [motion_certainty(returns, sensor, start, located.with_lever(lever)) for lever in others]
         if max(better) > CLOCK_CERTAIN_SIGMAS:
             seen = replace(seen, lever_m=others[int(np.argmax(better))])
     if matched.clock_used_s:
-        stated_s, used_s = session.recording.lidar_minus_gnss_s, matched.clock_used_s
+        stated_s = session.recording.lidar_minus_gnss_s
+        used_s = matched.clock_used_s
         notice = clock_notice(stated_s, used_s, min(seen.constants.clock_sigma_s, SWAY_CLOCK_SIGMA_S))
         matched = replace(matched, notices=(notice, *matched.notices))
     if height_is_off(matched.calibration):
@@ -183,7 +191,8 @@ def _turned_deg(seen: Seen, prepared: Prepared, located: Located) -> float:
         lever_m = x, y, z
     if lever_m is None or located.with_lever is None:
         return 0.0
-    start, other = located.trajectory, located.with_lever(lever_m)
+    start = located.trajectory
+    other = located.with_lever(lever_m)
     headings = (np.unwrap(np.radians(one.attitude_deg()[2])) for one in (start, other))
     now, then = (np.interp(start.t_s, one.t_s, heading) for one, heading in zip((start, other), headings, strict=True))
     return float(np.degrees(np.sqrt(np.mean(((then - now + np.pi) % (2.0 * np.pi) - np.pi) ** 2))))
@@ -199,18 +208,22 @@ def _prepared(
     """Read the scans; also how the ground lies in the vehicle frame."""
     assert located.antenna is not None
     scans = iter(watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans"))
-    mounting, first = session.lidar.mounting, list(islice(scans, FIRST_SCANS))
+    mounting = session.lidar.mounting
+    first = list(islice(scans, FIRST_SCANS))
     ground = ground_tilt(first, mounting)
     if not any(key.startswith("lidar.") for key in session.unstated):
         ground = replace(ground, model=other_model(first, mounting, lidar.beam_elevations()))
     returns = ground_returns(chain(first, scans), mounting, located.trajectory, on_scan)
     if on_scan is not None:
         on_scan(None)
-    lever_m, tool = lever_arm_m(session), tool_of(session)
+    lever_m = lever_arm_m(session)
+    tool = tool_of(session)
     prepared = prepare(returns, located.trajectory, located.antenna, lever_m, mounting, tool, ground, located.aid)
     if prepared is None and len(t_s := returns.standing.t_s):
-        knots, origin_m = knots_over(t_s), np.round(np.median(located.trajectory.xyz_m, axis=0))
-        state, sensor_m = start_from(located.trajectory, knots, origin_m), np.asarray(mounting.xyz_m)
+        knots = knots_over(t_s)
+        origin_m = np.round(np.median(located.trajectory.xyz_m, axis=0))
+        state = start_from(located.trajectory, knots, origin_m)
+        sensor_m = np.asarray(mounting.xyz_m)
         ground = replace(ground, facing=facing(returns, knots, state, sensor_m))
     return prepared, ground
 

@@ -90,13 +90,16 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
     begin = match_windows(problem, it, steps)
     adjusted = match_and_calibrate(problem, begin, steps)
     # A wrong lever arm or clock looks like slow errors, but not in heights.
-    seen, times = check_consistency(adjusted, LEVEL_GROUND), (1.0, 1.0)
+    seen = check_consistency(adjusted, LEVEL_GROUND)
+    times = (1.0, 1.0)
     otherwise = seen.constants.off or seen.slip > MAX_SLIP
     for _ in range(MAX_SLOW_SEARCHES if problem.lever_m.any() and not seen.sway.off else 0):
-        before, shown = times, shown_slow_errors(problem, adjusted)
+        before = times
+        shown = shown_slow_errors(problem, adjusted)
         if otherwise and shown.times[1] == 1.0:
             shown = replace(shown, times=(1.0, 1.0))
-        adjusted, times = replace(adjusted, slow_errors=shown), shown.times
+        adjusted = replace(adjusted, slow_errors=shown)
+        times = shown.times
         if np.allclose(times, before, rtol=SETTLED_TIMES):
             break
         followed = with_slow_errors(problem, times)
@@ -203,7 +206,9 @@ def shown_slow_errors(stated: Problem, adjusted: Adjusted) -> SlowErrors:
         stated: the problem with slow errors as stated.
         adjusted: with them, or with others.
     """
-    last, knots, state = adjusted.last, stated.knots, adjusted.last.state
+    last = adjusted.last
+    knots = stated.knots
+    state = adjusted.last.state
     first = state.layout.column(GNSS_DRIFT)
     chosen = (np.arange(last.coarse.count)[:, None] * state.layout.size + first + np.arange(3)).ravel()
 
@@ -223,7 +228,8 @@ def shown_slow_errors(stated: Problem, adjusted: Adjusted) -> SlowErrors:
 
     used, used_right, _ = alone(next(one for one in adjusted.problem.observations if isinstance(one, GnssDrift)), state)
     all_normal = np.linalg.inv(last.covariance[np.ix_(chosen, chosen)])
-    others, others_right = all_normal - used, all_normal @ last.solution.values[chosen] - used_right
+    others = all_normal - used
+    others_right = all_normal @ last.solution.values[chosen] - used_right
 
     @cache
     def drift_of(horizontal: float, vertical: float) -> tuple[FloatArray, FloatArray, float]:
@@ -263,7 +269,10 @@ class _Steps:
     """Reports the share of the steps that are done; the number expected may grow, the share never falls."""
 
     def __init__(self, progress: Callable[[float], None], expected: int) -> None:
-        self._progress, self._expected, self._done, self._share = progress, expected, 0, 0.0
+        self._progress = progress
+        self._expected = expected
+        self._done = 0
+        self._share = 0.0
 
     def expect(self, more: int) -> None:
         """So many more steps follow."""

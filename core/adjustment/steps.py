@@ -47,17 +47,20 @@ def window_step(problem: Problem, it: Iterate, relaxation: Relaxation | None, th
     Every `thin`-th return takes part. With a relaxation references are free, and the step is lengthened by it; without
     one they are fixed.
     """
-    knots, state = problem.knots, it.state
+    knots = problem.knots
+    state = it.state
     coarse = CoarseKnots.over(knots, COARSE_EVERY, WINDOW_PATCH_M) if relaxation is not None else None
     centre = coarse.centres(knots, state) if coarse is not None else np.zeros((0, 3))
     reach = int(MATCH_WINDOW_S / (COARSE_EVERY * KNOT_STEP_S)) + 2
     width = min(reach + 2, len(centre)) * state.layout.size
-    placing, correlated = it.placing(problem), _correlated(it)
+    placing = it.placing(problem)
+    correlated = _correlated(it)
     with ThreadPoolExecutor(1) as pool:
         prior = pool.submit(normal_equations, it.observations, knots, state)
         beside = pool.submit(register_wall_windows, placing, correlated, coarse)
         ground = register_windows(placing, it.relief, coarse, centre, width, thin)
-        held, walls = prior.result(), beside.result()
+        held = prior.result()
+        walls = beside.result()
     _add_lidar(problem, it, held, ground, walls)
     if coarse is None or relaxation is None:
         step = _solved(problem, it, held)
@@ -81,15 +84,18 @@ def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, fre
         thin: every `thin`-th return takes part.
         free: whether references move with the poses.
     """
-    knots, state = problem.knots, it.state
+    knots = problem.knots
+    state = it.state
     every = max(COARSE_EVERY, -(-len(knots) // MAX_COARSE))
     coarse = CoarseKnots.over(knots, every, SESSION_PATCH_M) if free else None
-    placing, correlated = it.placing(problem), _correlated(it)
+    placing = it.placing(problem)
+    correlated = _correlated(it)
     with ThreadPoolExecutor(1) as pool:
         before = pool.submit(normal_equations, it.observations, knots, state)
         beside = pool.submit(register_wall_session, placing, correlated, coarse, thin)
         ground = register_session(placing, it.relief, coarse, cell_m, thin)
-        held, walls = before.result(), beside.result()
+        held = before.result()
+        walls = beside.result()
     if coarse is None:
         _add_lidar(problem, it, held, ground, walls)
         step = _solved(problem, it, held)
@@ -134,7 +140,8 @@ def _let_all_move(equations: NormalEquations, prior: NormalEquations, centre_m: 
     It says nothing; but slices, straight between knots, and patches share their weight between coarse knots not quite
     alike. A hundred thousandth of it outweighs positions whose slow error may be decimetres, and steps diverge.
     """
-    count, size = len(centre_m), len(equations.right) // len(centre_m)
+    count = len(centre_m)
+    size = len(equations.right) // len(centre_m)
     rigid = np.zeros((count, size, POSE))
     rigid[:, :POSE] = np.eye(POSE)
     rigid[:, :ROTATION, ROTATION:] = np.cross(np.eye(3), (centre_m - centre_m.mean(axis=0))[:, None]).transpose(0, 2, 1)
@@ -188,14 +195,19 @@ def crab_equations(knots: Knots, state: State) -> tuple[FloatArray, float, float
     Returns:
         The normal matrix (knots, size) between it and the knots' unknowns, its own normal matrix and right-hand side.
     """
-    every, size, own, right = knots.linked, state.layout.size, 0.0, 0.0
+    every = knots.linked
+    size = state.layout.size
+    own = 0.0
+    right = 0.0
     link = arrays.zeros((len(knots), size))
     for part in arrays.parts(len(every)):
-        linked, steps = every[part], AxleSteps.from_knots(every[part], state)
+        linked = every[part]
+        steps = AxleSteps.from_knots(every[part], state)
         weighted = steps.along_m / steps.sigma_m**2
         np.add.at(link, linked, -weighted[:, None] * steps.design[:, :size])
         np.add.at(link[:, :POSE], linked + 1, -weighted[:, None] * steps.design[:, size:])
-        own, right = own + float(weighted @ steps.along_m), right + float(weighted @ steps.sideways_m)
+        own = own + float(weighted @ steps.along_m)
+        right = right + float(weighted @ steps.sideways_m)
     return link, own, right
 
 

@@ -120,7 +120,8 @@ def with_walk(
     out = np.zeros((fixed + 2 * len(own), fixed + len(own) + 3 * m))
     out[:fixed, :fixed] = root[:fixed, :fixed]
     columns = slice(fixed, fixed + len(own))
-    out[columns, columns], out[columns, fixed + len(own) :] = own, turns
+    out[columns, columns] = own
+    out[columns, fixed + len(own) :] = turns
     out[fixed + len(own) :, columns] = own
     return out
 
@@ -271,7 +272,8 @@ def adjust_strips(
         stated: the mounting as the session states it.
         walk_deg_rts: random walk of the mounting's angles.
     """
-    mounting, lever_m = found.mounting.rotation, np.asarray(found.mounting.xyz_m, np.float64)
+    mounting = found.mounting.rotation
+    lever_m = np.asarray(found.mounting.xyz_m, np.float64)
     node = np.clip(np.searchsorted(errors.t_s, returns.t_s, side="right") - 1, 0, len(errors.t_s) - 2)
     heights = cell_heights(returns, node, mounting, lever_m)
     variance, chosen = smooth_groups(heights)
@@ -314,8 +316,10 @@ def _solved(
     order = np.argsort(cell, kind="stable")
     begin = np.flatnonzero(np.diff(cell[order], prepend=-1))
     ends = np.append(begin, len(order))
-    height_m, independent = height_m[order], independent[order]
-    design, first = np.ascontiguousarray(design[order]), first[order]
+    height_m = height_m[order]
+    independent = independent[order]
+    design = np.ascontiguousarray(design[order])
+    first = first[order]
     robust = np.ones(len(order))
     for _ in range(ROBUST_ROUNDS):
         weight = independent * robust
@@ -334,23 +338,29 @@ def _solved(
 @kernel()
 def _normal_equations(ends, height_m, weight, design, first, unknowns):  # type: ignore[no-untyped-def]
     """Lower triangle of the normal matrix and the right side of groups in the order of their cells."""
-    normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+    normal = np.zeros((unknowns, unknowns))
+    right = np.zeros(unknowns)
     width = design.shape[1]
     column = np.empty(width, np.int64)
     column[:FIXED] = np.arange(FIXED)
-    mean, seen = np.zeros(unknowns), np.zeros(unknowns, np.bool_)
+    mean = np.zeros(unknowns)
+    seen = np.zeros(unknowns, np.bool_)
     active = np.empty(unknowns, np.int64)
     for c in range(len(ends) - 1):
-        count, total, middle = 0, 0.0, 0.0
+        count = 0
+        total = 0.0
+        middle = 0.0
         for g in range(ends[c], ends[c + 1]):
             w = weight[g]
             total += w
             middle += w * height_m[g]
             column[FIXED:] = np.arange(first[g], first[g] + width - FIXED)
             for j in range(width):
-                u, by = column[j], w * design[g, j]
+                u = column[j]
+                by = w * design[g, j]
                 if not seen[u]:
-                    seen[u], active[count] = True, u
+                    seen[u] = True
+                    active[count] = u
                     count += 1
                 mean[u] += by
                 right[u] += by * height_m[g]
@@ -365,7 +375,8 @@ def _normal_equations(ends, height_m, weight, design, first, unknowns):  # type:
                 if v <= u:
                     normal[u, v] -= share * mean[v]
         for a in range(count):
-            mean[active[a]], seen[active[a]] = 0.0, False
+            mean[active[a]] = 0.0
+            seen[active[a]] = False
     return normal, right
 
 
@@ -375,12 +386,14 @@ def _pose_design(
     """(c, 12) mean derivatives of the heights of some groups by the errors of the poses at the nodes beside each."""
     row = np.full(len(heights.cell), -1, np.int32)
     row[chosen] = np.arange(len(chosen))
-    node, slope = heights.window[chosen], heights.slope[chosen]
+    node = heights.window[chosen]
+    slope = heights.slope[chosen]
     sums = _sums(heights.member, row, node, returns.t_s, returns.origin_m, errors.t_s)
     sums /= heights.count[chosen][:, None, None]
     normal = np.column_stack([-slope, np.ones(len(chosen))])
     middle = np.column_stack([(heights.place[chosen] + 0.5) * STRIP_CELL_M, heights.height_m[chosen]])
-    share, origin = sums[:, :, :1], sums[:, :, 1:]
+    share = sums[:, :, :1]
+    origin = sums[:, :, 1:]
     by_turn = np.cross(share * middle[:, None] - origin, normal[:, None])
     out: FloatArray = np.concatenate([share * normal[:, None], by_turn], axis=2).reshape(len(chosen), 2 * POSE)
     return out

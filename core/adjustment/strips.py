@@ -79,8 +79,11 @@ class ThinnedReturns:
         beam = self.beam
         knot, share, inside = trajectory.interval(t_s)
         if not inside.all():
-            t_s, sensor_m, laser = t_s[inside], sensor_m[inside], laser[inside]
-            knot, share = knot[inside], share[inside]
+            t_s = t_s[inside]
+            sensor_m = sensor_m[inside]
+            laser = laser[inside]
+            knot = knot[inside]
+            share = share[inside]
             beam = beam[inside] if len(beam) else beam
         steps_s = np.diff(trajectory.t_s)[:, None]
         attitude = Rotation.from_quat(trajectory.quaternion[:-1], scalar_first=True) if len(steps_s) else None
@@ -102,7 +105,9 @@ class ThinnedReturns:
 def thinned_returns(scans: Iterable[Scan], span_s: tuple[float, float]) -> ThinnedReturns:
     """Returns of all scans, without those of the vehicle, thinned evenly to MAX_STRIP_RETURNS in a span of time."""
     per_second = MAX_STRIP_RETURNS / max(span_s[1] - span_s[0], 1.0)
-    times, places, lasers = [np.zeros(0)], [np.zeros((0, 3), np.float32)], [np.zeros(0, np.uint8)]
+    times = [np.zeros(0)]
+    places = [np.zeros((0, 3), np.float32)]
+    lasers = [np.zeros(0, np.uint8)]
     for scan in scans:
         if len(scan) < 2:
             continue
@@ -112,7 +117,9 @@ def thinned_returns(scans: Iterable[Scan], span_s: tuple[float, float]) -> Thinn
         times.append(scan.t_s[chosen].copy())
         places.append(scan.xyz_m[chosen].copy())
         lasers.append(scan.laser[chosen].copy())
-    t_s, sensor, laser = np.concatenate(times), np.concatenate(places), np.concatenate(lasers)
+    t_s = np.concatenate(times)
+    sensor = np.concatenate(places)
+    laser = np.concatenate(lasers)
     group = laser.astype(np.int64) * LASER_GROUPS // (int(laser.max(initial=0)) + 1)
     order = np.flatnonzero(np.einsum("ij,ij->i", sensor, sensor) > MIN_STRIP_RANGE_M**2)
     if (np.diff(t_s[order]) < 0.0).any():
@@ -139,20 +146,30 @@ def at_shifted_times(returns: StripReturns, trajectory: Trajectory, offset_s: fl
 def _poses(knot, share, knot_m, knot_rotation, turn_rad, velocity, rate):  # type: ignore[no-untyped-def]
     """Poses and their rates (n, 3), (n, 4), (n, 3), (n, 3): straight between knots, turning at a constant rate."""
     n = len(knot)
-    origin, rotation = np.empty((n, 3), np.float32), np.empty((n, 4), np.float32)
-    moving, turning = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
+    origin = np.empty((n, 3), np.float32)
+    rotation = np.empty((n, 4), np.float32)
+    moving = np.empty((n, 3), np.float32)
+    turning = np.empty((n, 3), np.float32)
     for i in range(n):
-        k, s = knot[i], share[i]
+        k = knot[i]
+        s = share[i]
         for j in range(3):
             origin[i, j] = knot_m[k, j] + s * (knot_m[k + 1, j] - knot_m[k, j])
             moving[i, j] = velocity[k, j]
             turning[i, j] = rate[k, j]
-        x, y, z = 0.5 * s * turn_rad[k, 0], 0.5 * s * turn_rad[k, 1], 0.5 * s * turn_rad[k, 2]
+        x = 0.5 * s * turn_rad[k, 0]
+        y = 0.5 * s * turn_rad[k, 1]
+        z = 0.5 * s * turn_rad[k, 2]
         half = np.sqrt(x * x + y * y + z * z)
         w = np.cos(half)
         sinc = np.sin(half) / half if half > 1e-9 else 1.0
-        x, y, z = sinc * x, sinc * y, sinc * z
-        a, b, c, d = knot_rotation[k, 0], knot_rotation[k, 1], knot_rotation[k, 2], knot_rotation[k, 3]
+        x = sinc * x
+        y = sinc * y
+        z = sinc * z
+        a = knot_rotation[k, 0]
+        b = knot_rotation[k, 1]
+        c = knot_rotation[k, 2]
+        d = knot_rotation[k, 3]
         rotation[i, 0] = a * w - b * x - c * y - d * z
         rotation[i, 1] = a * x + b * w + c * z - d * y
         rotation[i, 2] = a * y - b * z + c * w + d * x

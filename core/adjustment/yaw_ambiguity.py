@@ -148,7 +148,8 @@ def _answer(measure: Measure, least: float) -> Facing | None:
     ):
         return None
     angle, sigma = _refined(measure, 360.0 / TRIED_YAWS * best)
-    near, enough = best in (0, 1, TRIED_YAWS - 1), len(measured) >= MIN_YAW_WINDOWS
+    near = best in (0, 1, TRIED_YAWS - 1)
+    enough = len(measured) >= MIN_YAW_WINDOWS
     if abs(angle) <= max(MIN_YAW_OFFSET_DEG, YAW_SHOWN_SIGMAS * sigma) or (near and not enough):
         return Facing(0.0, shown=True)
     return Facing(angle, shown=True) if enough and (near or _better(measured, best, 0, YAW_CERTAIN_SIGMAS)) else None
@@ -202,14 +203,16 @@ def _relief_in_both_halves(
 ) -> FloatArray:
     """(n, turns) relief (m²) that both halves of the scans show in each window that has enough returns."""
     side = round(2.0 * MAX_HALVES_RANGE_M / STATIC_CELL_M)
-    windows, static = [], np.zeros((side * side, 2))
+    windows = []
+    static = np.zeros((side * side, 2))
     for part in parts:
         part = slice(part.start, part.stop, max(1, (part.stop - part.start) // MAX_YAW_RETURNS))
         vehicle = np.asarray(returns.xyz_m[part], np.float64)
         near = np.hypot(vehicle[:, 0], vehicle[:, 1]) < MAX_HALVES_RANGE_M
         if near.sum() < MIN_YAW_RETURNS:
             continue
-        vehicle, t_s = vehicle[near], np.array(returns.t_s[part])[near]
+        vehicle = vehicle[near]
+        t_s = np.array(returns.t_s[part])[near]
         half = np.array(returns.half[part], np.int64)[near]
         relief = relief_of_scans(vehicle, half)
         column, row = ((vehicle[:, :2].T + MAX_HALVES_RANGE_M) / STATIC_CELL_M).astype(np.int64)
@@ -232,7 +235,8 @@ def _origins_and_arms(
     """(n, 2) where the sensor is at each return (n,), and the way from it to the return, both on the map."""
     k, share, _ = knots.at(t_s)
     # Straight from knot to knot, as complex numbers: easting + i northing.
-    plan, forward = state.xyz_m[:, :2] @ (1.0, 1j), state.rotation[:, :2, 0] @ (1.0, 1j)
+    plan = state.xyz_m[:, :2] @ (1.0, 1j)
+    forward = state.rotation[:, :2, 0] @ (1.0, 1j)
     origin, course = (v[k] + share * (v[k + 1] - v[k]) for v in (plan, forward))
     course /= np.abs(course)
     sensor = complex(sensor_m[0], sensor_m[1])
@@ -256,7 +260,8 @@ def turned_halves(origin_m, arm_m, value, half, turns, per_m, count, total):  # 
     out = np.empty((len(turns), 3))
     for number in range(len(turns)):
         used = 0
-        cos, sin = np.cos(turns[number]), np.sin(turns[number])
+        cos = np.cos(turns[number])
+        sin = np.sin(turns[number])
         for i in range(len(half)):
             a = int(np.floor((origin_m[i, 0] + cos * arm_m[i, 0] - sin * arm_m[i, 1]) * per_m)) & mask
             b = int(np.floor((origin_m[i, 1] + sin * arm_m[i, 0] + cos * arm_m[i, 1]) * per_m)) & mask
@@ -269,7 +274,8 @@ def turned_halves(origin_m, arm_m, value, half, turns, per_m, count, total):  # 
 def take_into_cell(a, b, half, value, touched, used, count, total):  # type: ignore[no-untyped-def]
     """Count a return of a half, and its value, in a cell; returns how many cells are `touched` (n, 2) then."""
     if count[0, a, b] == 0 and count[1, a, b] == 0:
-        touched[used, 0], touched[used, 1] = a, b
+        touched[used, 0] = a
+        touched[used, 1] = b
         used += 1
     count[half, a, b] += 1
     total[half, a, b] += value
@@ -284,10 +290,12 @@ def sum_of_halves(touched, used, count, total):  # type: ignore[no-untyped-def]
     """
     product = squares = together = 0.0
     for i in range(used):
-        a, b = touched[i, 0], touched[i, 1]
+        a = touched[i, 0]
+        b = touched[i, 1]
         both = min(count[0, a, b], count[1, a, b])
         if both > 0:
-            one, other = total[0, a, b] / count[0, a, b], total[1, a, b] / count[1, a, b]
+            one = total[0, a, b] / count[0, a, b]
+            other = total[1, a, b] / count[1, a, b]
             product += both * one * other
             squares += 0.5 * both * (one * one + other * other)
             together += both

@@ -158,7 +158,8 @@ class HeldHeights:
         """Of a surface whose heights have a standard deviation that all points share, as those of the survey do."""
         error = np.array([point.error_m[2] for point in surface.points])
         known = np.isfinite(error)
-        error, survey = error[known], surface.survey.sigma_m[known, 2]
+        error = error[known]
+        survey = surface.survey.sigma_m[known, 2]
         if len(error) < MIN_HELD_POINTS:
             return cls(len(known), len(error), math.nan, math.nan)
         off = float(np.median(error))
@@ -218,7 +219,8 @@ def check_product(
         if by_cloud
         else surface_at_points(product, points_file, options)
     )
-    checks, survey = found.points, found.survey
+    checks = found.points
+    survey = found.survey
     stated = np.where(
         np.isfinite(survey.sigma_m), survey.sigma_m, np.nan if options.sigma_m is None else options.sigma_m
     )
@@ -230,7 +232,8 @@ def check_product(
     precision = InternalPrecision.over_places((check.swaths for check in checks), found.swath_key)
     accuracy = Accuracy(vertical, easting, northing, precision)
     if accuracy.vertical is None:
-        (north, east), (low_e, low_n, high_e, high_n) = survey.xyz_m[:, :2].T, found.box_m
+        north, east = survey.xyz_m[:, :2].T
+        low_e, low_n, high_e, high_n = found.box_m
         swapped = int(((east >= low_e) & (east <= high_e) & (north >= low_n) & (north <= high_n)).sum())
         raise InputError(
             "check-nowhere",

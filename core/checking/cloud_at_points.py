@@ -46,11 +46,13 @@ def find_disc(xy_m: FloatArray, brightness: FloatArray, diameter_m: float, searc
     steps = np.arange(-search_m, search_m + 1e-9, STEP_SHARE * diameter_m)
     places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     places = places[np.hypot(*places.T) <= search_m]
-    best, surest = None, MIN_CONTRAST_ERRORS
+    best = None
+    surest = MIN_CONTRAST_ERRORS
     for place in places:
         contrast = _contrast(np.hypot(*(xy_m - place).T), brightness, radius)
         if contrast is not None and abs(contrast) > surest:
-            best, surest = place, abs(contrast)
+            best = place
+            surest = abs(contrast)
     return _centred(xy_m, brightness, best, radius) if best is not None else None
 
 
@@ -149,7 +151,8 @@ def _near(clouds: Clouds, survey: SurveyedPoints, reach_m: float, progress: Prog
     """The returns up to `reach_m` from any point, in metres and the clouds' CRS."""
     tree = cKDTree(survey.xyz_m[:, :2])
     cells = np.unique(_cells(survey.xyz_m[:, :2], reach_m, around=True))
-    low, high = survey.xyz_m[:, :2].min(axis=0) - reach_m, survey.xyz_m[:, :2].max(axis=0) + reach_m
+    low = survey.xyz_m[:, :2].min(axis=0) - reach_m
+    high = survey.xyz_m[:, :2].max(axis=0) + reach_m
     unwanted = [*NOISE_CLASSES, *(MACHINE_CLASSES if own else ())]
 
     def read(done: int) -> None:
@@ -208,13 +211,15 @@ def _point_check(name: str, place: tuple[float, float, float], around: _ReturnsA
     east, north = (place[0] + middle[0], place[1] + middle[1]) if middle is not None else (np.nan, np.nan)
     at = middle if middle is not None else np.zeros(2)
     close = np.hypot(*(around.xyz_m[:, :2] - at).T) <= PLANE_RADIUS_M
-    xyz, swath = around.xyz_m[close] - np.array([*at, 0.0]), around.swath[close]
+    xyz = around.xyz_m[close] - np.array([*at, 0.0])
+    swath = around.swath[close]
     plane = local_plane(xyz)
     if plane is None:
         why = f"has {len(xyz)} returns within {PLANE_RADIUS_M:g} m" + (", too few on all sides" if len(xyz) else "")
         return PointCheck(name, place, (east, north, np.nan), len(xyz), why_not=why)
     if plane.steepness > MAX_PLANE_SLOPE:
-        found, why = (east, north, np.nan), "lies on an edge or a steep slope"
+        found = (east, north, np.nan)
+        why = "lies on an edge or a steep slope"
         return PointCheck(name, place, found, len(xyz), plane.steepness, why_not=why)
     found = (east, north, place[2] + plane.height_m)
     return PointCheck(name, place, found, len(xyz), plane.steepness, _swath_heights(xyz, swath, place[2]))
@@ -261,7 +266,8 @@ class LocalPlane:
         side_m = SPACINGS * radius_m * np.sqrt(np.pi / len(self.above_m))
         column, row = np.floor(self.xy_m / side_m).astype(np.int64).T
         cell = np.unique(column * (1 << 32) + row, return_inverse=True)[1]
-        low, high = np.full(cell.max() + 1, np.inf), np.full(cell.max() + 1, -np.inf)
+        low = np.full(cell.max() + 1, np.inf)
+        high = np.full(cell.max() + 1, -np.inf)
         np.minimum.at(low, cell, self.above_m)
         np.maximum.at(high, cell, self.above_m)
         return float((high - low).max())

@@ -124,7 +124,8 @@ def time_ahead_s(along_m: FloatArray, speed_mps: FloatArray) -> tuple[float, flo
     known = np.isfinite(along_m) & np.isfinite(speed_mps)
     if known.sum() < 20 or np.std(speed_mps[known]) < 0.5:
         return None
-    speed, along = speed_mps[known] - speed_mps[known].mean(), along_m[known] - along_m[known].mean()
+    speed = speed_mps[known] - speed_mps[known].mean()
+    along = along_m[known] - along_m[known].mean()
     slope = float(np.sum(speed * along) / np.sum(speed**2))
     rest = along - slope * speed
     return slope, float(np.sqrt(np.mean(rest**2) / np.sum(speed**2)))
@@ -229,10 +230,12 @@ def match(
         for track in (test, reference)
     )
     centre = np.median(reference_xyz, axis=0)
-    test_xyz, reference_xyz = test_xyz - centre, reference_xyz - centre
+    test_xyz = test_xyz - centre
+    reference_xyz = reference_xyz - centre
     curve = _Curve(reference.t_s, reference_xyz, max_gap_s)
     covered, inside = curve.covers(test.t_s)
-    outside, in_gaps = int(np.sum(~inside)), int(np.sum(inside & ~covered))
+    outside = int(np.sum(~inside))
+    in_gaps = int(np.sum(inside & ~covered))
     if not covered.any():
         if in_gaps:
             raise InputError("reference-gaps", source=reference.source, in_gaps=in_gaps, test_source=test.source)
@@ -311,7 +314,8 @@ def _offset(
 
 def _nearest(known_s: FloatArray, t_s: FloatArray) -> FloatArray:
     at = np.clip(np.searchsorted(known_s, t_s), 1, max(len(known_s) - 1, 1))
-    before, behind = known_s[at - 1], known_s[np.minimum(at, len(known_s) - 1)]
+    before = known_s[at - 1]
+    behind = known_s[np.minimum(at, len(known_s) - 1)]
     return np.where(t_s - before < behind - t_s, before, behind)
 
 
@@ -346,14 +350,16 @@ class _Curve:
         if len(self.t_s) < 2:
             return np.repeat(self.xyz_m, len(t_s), axis=0)
         k = self._step(t_s)
-        t, p = self.t_s, self.xyz_m
+        t = self.t_s
+        p = self.xyz_m
         step = t[k + 1] - t[k]
         share = ((t_s - t[k]) / step)[:, None]
         whole = step <= self.max_gap_s
         # Next to a gap only a stamp within rounding of an epoch counts.
         nearest = np.where((np.abs(t_s - t[k]) <= np.abs(t[k + 1] - t_s))[:, None], p[k], p[k + 1])
         straight = np.where(whole[:, None], p[k] + share * (p[k + 1] - p[k]), nearest)
-        before, behind = np.maximum(k - 1, 0), np.minimum(k + 2, len(t) - 1)
+        before = np.maximum(k - 1, 0)
+        behind = np.minimum(k + 2, len(t) - 1)
         four = whole & (k >= 1) & (k + 2 < len(t)) & (share[:, 0] >= 0.0) & (share[:, 0] <= 1.0)
         four &= (t[k] - t[before] <= self.max_gap_s) & (t[behind] - t[k + 1] <= self.max_gap_s)
         if four.any():
@@ -362,7 +368,8 @@ class _Curve:
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
         """Velocities (m, 3) by central difference over half a second each way, where covered."""
-        early, late = t_s - BASELINE_S, t_s + BASELINE_S
+        early = t_s - BASELINE_S
+        late = t_s + BASELINE_S
         early = np.where(self.covers(early)[0], early, t_s)
         late = np.where(self.covers(late)[0], late, t_s)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -390,7 +397,8 @@ class _Curve:
         if len(self.t_s) < 6:
             return np.full(2, np.nan)
         half = _Curve(self.t_s[::2], self.xyz_m[::2], 2.0 * self.max_gap_s)
-        t_s, place = self.t_s[1::2], self.xyz_m[1::2]
+        t_s = self.t_s[1::2]
+        place = self.xyz_m[1::2]
         covered = half.covers(t_s)[0]
         if not covered.any():
             return np.full(2, np.nan)
@@ -549,7 +557,8 @@ def evaluate(
         raise InputError("nothing-to-compare.unmatched", source=test.source, unfixed=left_out > 0)
     arrays = {name: value[kept] for name, value in vars(found).items() if name in _BY_EPOCH}
     found = replace(found, **arrays)
-    fix, error = test.fix[found.epoch], found.error_m
+    fix = test.fix[found.epoch]
+    error = found.error_m
     outlier = outliers(error, fix)
     # Errors of poor fixes drift and would be taken for a clock offset.
     steady = ~outlier & ((fix == Fix.FIXED) | ~np.any(fix == Fix.FIXED))
@@ -622,7 +631,8 @@ def offset_notices(error_m: FloatArray, test: str, reference: str) -> list[Notic
         return [Notice("same-positions", test=test, reference=reference)]
     notices = []
     east, north = horizontal.mean(axis=0)
-    length, scatter = float(np.hypot(east, north)), float(np.hypot(*horizontal.std(axis=0)))
+    length = float(np.hypot(east, north))
+    scatter = float(np.hypot(*horizontal.std(axis=0)))
     if length > max(MIN_CONSTANT_OFFSET_M, CONSTANT_SIGMAS * scatter):
         way = compass_direction(float(east), float(north))
         notices.append(

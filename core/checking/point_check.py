@@ -81,7 +81,8 @@ class InternalPrecision:
         """Each figure against its limit for a vertical accuracy class; `met` is None where unknown."""
         out: dict[str, dict[str, Any]] = {}
         for name, share in CLASS_SHARES.items():
-            found, limit = float(getattr(self, name)), share * class_m
+            found = float(getattr(self, name))
+            limit = share * class_m
             known = bool(np.isfinite(found))
             out[name] = {
                 "found_m": round(found, 5) if known else None,
@@ -188,9 +189,11 @@ def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = Su
         checks = []
         columns, rows = raster.columns_rows(survey.xyz_m[:, 0], survey.xyz_m[:, 1])
         for name, xyz, column, row in zip(survey.name, survey.xyz_m, columns, rows, strict=True):
-            left, top = int(np.floor(column - 0.5)), int(np.floor(row - 0.5))
+            left = int(np.floor(column - 0.5))
+            top = int(np.floor(row - 0.5))
             cells = raster.read_m((top, top + 2), (left, left + 2))
-            right, down = column - 0.5 - left, row - 0.5 - top
+            right = column - 0.5 - left
+            down = row - 0.5 - top
             share = np.outer([1.0 - down, down], [1.0 - right, right])
             height = float(np.sum(np.where(share > 0.0, cells * share, 0.0)))
             why = "" if np.isfinite(height) else "lies where the surface has no heights"

@@ -60,8 +60,10 @@ def estimate_penetration(second_m: float, third_m: float, noise_m: float) -> Pen
     `second_m` is half the mean distance of two returns; `third_m` is negative where the deep returns lie farther from
     the others.
     """
-    table, noise = penetration_table(), max(noise_m, 1e-4)
-    wanted, skewness = math.log(max(second_m / noise, 1e-6)), third_m / second_m
+    table = penetration_table()
+    noise = max(noise_m, 1e-4)
+    wanted = math.log(max(second_m / noise, 1e-6))
+    skewness = third_m / second_m
     # By shape: the second L-moment over the noise falls with the noise, and the skewness grows with the shape.
     after = np.clip((table.second > wanted).sum(axis=1), 1, len(table.noises) - 1)
     sides = np.arange(len(after)), np.array([after - 1, after])
@@ -86,7 +88,8 @@ class _Table:
 
     def at(self, values: FloatArray, shape: float, noise: float) -> FloatArray:
         """Values (k, m, n) of the table at a shape and a noise, bilinear."""
-        (i, u), (j, v) = _place(self.shapes, shape), _place(self.noises, noise)
+        i, u = _place(self.shapes, shape)
+        j, v = _place(self.noises, noise)
         low = (1.0 - v) * values[i, j] + v * values[i, j + 1]
         high = (1.0 - v) * values[i + 1, j] + v * values[i + 1, j + 1]
         out: FloatArray = (1.0 - u) * low + u * high
@@ -104,7 +107,8 @@ def penetration_table() -> _Table:
     """The table, which takes 0.3 s; threads that need it first at the same time would each calculate it."""
     from scipy.special import gammainc, ndtr
 
-    shapes, noises = np.geomspace(*SHAPES, _STEPS[0]), np.geomspace(0.02, 1.0, _STEPS[1])
+    shapes = np.geomspace(*SHAPES, _STEPS[0])
+    noises = np.geomspace(0.02, 1.0, _STEPS[1])
     thickness = -np.log1p(-np.arange(_QUANTILES) / _QUANTILES)  # optical, where equal shares of the pulses return
     number = np.arange(1, MAX_RANK + 1)[:, None]
     highest, variance = np.empty((2, *_STEPS, MAX_RANK))
@@ -187,7 +191,8 @@ def canopy_top(
         noise_m: standard deviation of heights of returns from one place.
         blur_m: standard deviation of their places on each horizontal axis.
     """
-    column, row = xy_m[:, 0] / grid.cell_m - grid.west, grid.north - xy_m[:, 1] / grid.cell_m
+    column = xy_m[:, 0] / grid.cell_m - grid.west
+    row = grid.north - xy_m[:, 1] / grid.cell_m
     first = _drawn(xy_m, 0) < 0.5
     returns = pixel_returns(column, row, height_m, grid, first)
     whole = _estimate_top(returns, grid, net, noise_m)
@@ -196,7 +201,9 @@ def canopy_top(
     low = np.flatnonzero(height_m <= bare_m)
     i, j = (np.floor(place[low]).astype(np.int64) for place in (row, column))
     inside = (i >= 0) & (j >= 0) & (i < whole.grid.shape[0]) & (j < whole.grid.shape[1])
-    i, j, low = i[inside], j[inside], low[inside]
+    i = i[inside]
+    j = j[inside]
+    low = low[inside]
     soil[low] = whole.net[i, j] & (whole.returns.highest_m[i, j] > bare_m)
     chance = -np.log1p(-_drawn(xy_m[soil], 1))
     for _ in range(SOIL_ROUNDS if len(chance) > MIN_SOIL_SHARE * returns.count[net].sum() else 0):
@@ -216,7 +223,8 @@ def canopy_top(
     if blur_m > 0.0:
         away = blur_m / grid.cell_m * np.sqrt(-2.0 * np.log1p(-_drawn(xy_m, 2)))
         turn = 2.0 * math.pi * _drawn(xy_m, 3)
-        east, south = away * np.cos(turn), away * np.sin(turn)
+        east = away * np.cos(turn)
+        south = away * np.sin(turn)
         # of both signs, by which the change scatters less
         moved = [pixel_returns(column + sign * east, row + sign * south, height_m, grid) for sign in (1.0, -1.0)]
         sharpened = mean - float(np.mean([_estimate_top(part, grid, net, noise_m).top_m[net].mean() for part in moved]))
@@ -301,7 +309,8 @@ def _raise_tops(count, highest, net, bare, by, top):  # type: ignore[no-untyped-
 @kernel()
 def _fill_with_mean(top, net):  # type: ignore[no-untyped-def]
     """Set unknown net pixels to the mean of the known ones, and all others to nan."""
-    total, known = 0.0, 0
+    total = 0.0
+    known = 0
     for i in range(top.shape[0]):
         for j in range(top.shape[1]):
             if not net[i, j]:

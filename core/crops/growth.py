@@ -108,7 +108,8 @@ class SoilChange:
         nodes = patch_nodes(parcel)
         design = plane_design(nodes.xy_m, self.middle_m)
         heights = design @ self.trend
-        of_mean, under = design[nodes.inside].mean(axis=0), nodes.xy_m[nodes.inside]
+        of_mean = design[nodes.inside].mean(axis=0)
+        under = nodes.xy_m[nodes.inside]
         block = float(self.departure.between(under, under).mean())
         cells = self.departures[parcel.id]
         if len(cells):
@@ -161,7 +162,8 @@ def soil_change(before: SoilCells, after: SoilCells, parcels: Sequence[Parcel]) 
     tilted = wald > chdtri(2, TILT_P)
     if not tilted:
         offset, variance, _ = least_squares(some, departure, np.ones((len(some), 1)))
-        trend, covariance = np.array([offset[0], 0.0, 0.0]), np.diag([variance[0, 0], 0.0, 0.0])
+        trend = np.array([offset[0], 0.0, 0.0])
+        covariance = np.diag([variance[0, 0], 0.0, 0.0])
     departures = {}
     for parcel in parcels:
         own = near[parcel.id].nearest(parcel)
@@ -201,7 +203,8 @@ def _without_outliers(cells: SoilCells) -> SoilCells:
 
 def align_flights(days: Sequence[dt.date], flights: Sequence[ParcelPoints]) -> tuple[list[SoilCells], list[SoilChange]]:
     """Bare soil of each flight, and its change from the first. Raises InputError if they have too little in common."""
-    cells, changes = [points.soil() for points in flights], []
+    cells = [points.soil() for points in flights]
+    changes = []
     for day, other in zip(days[1:], cells[1:], strict=True):
         change = soil_change(cells[0], other, flights[0].parcels)
         if change is None:
@@ -251,15 +254,21 @@ def measure_growth(
         for own, change in zip(cells[1:], changes, strict=True)
     ]
     soil = soil_around(CellsNear(parcels, joined_cells([cells[0], *moved])))
-    heights, stated, alone = [], [], []
+    heights = []
+    stated = []
+    alone = []
     for number, (points, change) in enumerate(zip(flights, [None, *changes], strict=True)):
-        height, sigma, own = {}, {}, {}
+        height = {}
+        sigma = {}
+        own = {}
         changed = {each.id: change.under(each) for each in parcels} if change is not None else {}
         measured = measure_parcels(points, partial(_changed_soil, soil, changed), points.noise_m(CROP_PIXEL_M))
         for k, (row, _) in enumerate(measured):
-            name, figures = row.parcel.id, row.figures
+            name = row.parcel.id
+            figures = row.figures
             aligned = changed[name].sigma_m if changed else 0.0
-            height[name], sigma[name] = figures.mean_height_m, math.hypot(figures.height_sigma_m, aligned)
+            height[name] = figures.mean_height_m
+            sigma[name] = math.hypot(figures.height_sigma_m, aligned)
             canopy = math.sqrt(max(figures.height_sigma_m**2 - figures.soil_sigma_m**2, 0.0))
             own[name] = math.hypot(canopy, aligned)
             progress("measuring parcels", (number + (k + 1) / len(parcels)) / len(flights))

@@ -114,7 +114,8 @@ def measure_parcels(
         height = volume = math.nan
         if (compare or method == "christiansen2017") and len(xyz):
             done = christiansen2017(xyz, parcel.net, parcel.gross, points.kept[number])
-            height, volume = done.mean_height_m, done.volume_m3 / scale**2
+            height = done.mean_height_m
+            volume = done.volume_m3 / scale**2
         patch = soil_under(parcel)
         grid = Grid.of_bounds(CROP_PIXEL_M, parcel.net.bounds)
         xyz = xyz if patch is not None else xyz[:0]  # without soil no pixel has a height
@@ -145,7 +146,8 @@ def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: floa
     quantiles = _quantiles(true, (0.50, 0.90, 0.95, 0.99))
     common = _common_sigma_m(canopy) if known else math.nan
     sigma = math.hypot(_own_sigma_m(canopy, spread), common, soil_sigma_m) if known else math.nan
-    roughness, lodging = math.nan, False
+    roughness = math.nan
+    lodging = False
     if known:
         # mean height of the net pixels in the square around each
         size = 2 * round(0.5 * ROUGHNESS_M / canopy.grid.cell_m) + 1
@@ -181,7 +183,8 @@ def _quantiles(values: FloatArray, shares: Sequence[float]) -> list[float]:
     place = np.array(shares) * (len(values) - 1)
     low = place.astype(np.int64)
     ordered = np.sort(values)
-    below, above = ordered[low], ordered[np.minimum(low + 1, len(values) - 1)]
+    below = ordered[low]
+    above = ordered[np.minimum(low + 1, len(values) - 1)]
     out: list[float] = (below + (place - low) * (above - below)).tolist()
     return out
 

@@ -73,7 +73,8 @@ class ParcelPoints:
         self._storing = threading.Lock()
         self._waiting: list[tuple[Float32Array, IntArray, Float32Array, IntArray]] = []
         self._waiting_points = 0
-        self._own, self._soil = RecordSpool(_POINT, folder), RecordSpool(_POINT, folder)
+        self._own = RecordSpool(_POINT, folder)
+        self._soil = RecordSpool(_POINT, folder)
         self.count = 0
 
     def __enter__(self) -> Self:
@@ -96,7 +97,8 @@ class ParcelPoints:
             return
         if self._base_m is None:
             self._base_m = float(np.floor(np.median(xyz_m[:, 2])))
-        x, y = xyz_m[:, 0] - self.origin_m[0], xyz_m[:, 1] - self.origin_m[1]
+        x = xyz_m[:, 0] - self.origin_m[0]
+        y = xyz_m[:, 1] - self.origin_m[1]
         sown = ring_at(self._crop, x, y) >= 0
         own = ring_at(self._own_rings, x, y, None if self._wide else sown)
         tile = ring_at(self._reach, x, y, ~sown)
@@ -165,7 +167,8 @@ class CellsNear(Mapping[str, SoilCells]):
         tile = np.floor(soil.xy_m / SOIL_TILE_M).astype(np.int64)
         keys = square_keys(tile[:, 0], tile[:, 1])
         order = np.argsort(keys, kind="stable")
-        self._keys, self._soil = keys[order], soil.at(order)
+        self._keys = keys[order]
+        self._soil = soil.at(order)
 
     def __getitem__(self, name: str) -> SoilCells:
         shape = _wider(self._parcels[name].gross, SOIL_REACH_M)
@@ -200,7 +203,8 @@ def _select_keyed(points, corner, key):  # type: ignore[no-untyped-def]
     count = 0
     for k in range(len(key)):
         count += key[k] >= 0
-    out, keys = np.empty((count, 3), np.float32), np.empty(count, np.int64)
+    out = np.empty((count, 3), np.float32)
+    keys = np.empty(count, np.int64)
     n = 0
     for k in range(len(key)):
         if key[k] >= 0:

@@ -68,9 +68,11 @@ def plot_grid(
         assert azimuth_deg is not None
         assert grid.length_m is not None
         turn = np.radians(azimuth_deg)
-        along, length_m = np.array([np.sin(turn), np.cos(turn)]), grid.length_m
+        along = np.array([np.sin(turn), np.cos(turn)])
+        length_m = grid.length_m
     across = np.array([-along[1], along[0]]) * (1.0 if grid.side == "left" else -1.0)
-    length, width = scale * length_m * along, scale * grid.width_m * across
+    length = scale * length_m * along
+    width = scale * grid.width_m * across
     steps = (0.0 * along, length, length + width, width)
     counts: dict[int, int] = {}
     plots = []
@@ -157,7 +159,8 @@ def read_parcels(
         inners: list[shapely.Polygon | None] = [nets[found.id] for found in gross]
     else:
         inners = inset_parcels([found.shape for found in gross], net_inset_m[0] * scale, net_inset_m[1] * scale)
-    parcels, small = [], []
+    parcels = []
+    small = []
     for found, inner in zip(gross, inners, strict=True):
         if inner is None or inner.area < MIN_PARCEL_M2:
             small.append(found.id)

@@ -69,7 +69,8 @@ def pixel_halves(whole: PixelReturns) -> list[PixelReturns]:
 def _of_part(
     heights: FloatArray, part: NDArray[np.int8], starts: NDArray[np.int64], which: int, shape: tuple[int, ...]
 ) -> PixelReturns:
-    count, highest = np.empty(shape, np.int32), np.empty(shape)
+    count = np.empty(shape, np.int32)
+    highest = np.empty(shape)
     _by_pixel(heights, part, starts, which, count.ravel(), highest.ravel(), MAX_RANK)
     return PixelReturns(count, highest, heights, part, starts, which)
 
@@ -93,7 +94,8 @@ def _sorted_by_pixel(column, row, height, first, rows, columns):  # type: ignore
     pixel = np.empty(n, np.int32)
     starts = np.zeros(rows * columns + 1, np.int64)
     for k in range(n):
-        i, j = int(np.floor(row[k])), int(np.floor(column[k]))
+        i = int(np.floor(row[k]))
+        j = int(np.floor(column[k]))
         if 0 <= i < rows and 0 <= j < columns:
             pixel[k] = i * columns + j
             starts[pixel[k] + 1] += 1
@@ -102,7 +104,8 @@ def _sorted_by_pixel(column, row, height, first, rows, columns):  # type: ignore
     for p in range(rows * columns):
         starts[p + 1] += starts[p]
     place = starts[:-1].copy()
-    ordered, part = np.empty(starts[-1]), np.zeros(starts[-1], np.int8)
+    ordered = np.empty(starts[-1])
+    part = np.zeros(starts[-1], np.int8)
     for k in range(n):
         if pixel[k] >= 0:
             at = place[pixel[k]]
@@ -111,15 +114,20 @@ def _sorted_by_pixel(column, row, height, first, rows, columns):  # type: ignore
                 part[at] = 1
             place[pixel[k]] += 1
     for p in range(rows * columns):
-        begin, end = starts[p], starts[p + 1]
+        begin = starts[p]
+        end = starts[p + 1]
         gap = 1 if end - begin <= _INSERTED else (end - begin) * 5 // 11
         while gap > 0:  # Shell's sort
             for k in range(begin + gap, end):
-                value, mark, at = ordered[k], part[k], k - gap
+                value = ordered[k]
+                mark = part[k]
+                at = k - gap
                 while at >= begin and ordered[at] > value:
-                    ordered[at + gap], part[at + gap] = ordered[at], part[at]
+                    ordered[at + gap] = ordered[at]
+                    part[at + gap] = part[at]
                     at -= gap
-                ordered[at + gap], part[at + gap] = value, mark
+                ordered[at + gap] = value
+                part[at + gap] = mark
             gap = 1 if gap == 2 else gap * 5 // 11
     return ordered, part, starts
 

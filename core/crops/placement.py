@@ -165,10 +165,8 @@ def _filled(height_m: Float32Array) -> FloatArray:
 
 def _contrast_kernel(parcel: Parcel, grid: Grid) -> FloatArray:
     """(rows, columns) weights with which heights make the mean height of a parcel over the ring around it."""
-    inside, ring = (
-        pixels_in(parcel.gross, grid),
-        pixels_in(shapely.Polygon(parcel.gross.buffer(SOIL_RING_M).exterior), grid),
-    )
+    inside = pixels_in(parcel.gross, grid)
+    ring = pixels_in(shapely.Polygon(parcel.gross.buffer(SOIL_RING_M).exterior), grid)
     ring &= ~inside
     return inside / max(int(inside.sum()), 1) - ring / max(int(ring.sum()), 1)
 
@@ -177,8 +175,10 @@ def _contrasts(filled: FloatArray, grid: Grid, parcels: Sequence[Parcel], by_m: 
     """(n,) mean heights of net parcels over the rings around them, all shifted; nan outside of the surface."""
     out = np.full(len(parcels), np.nan)
     for k, parcel in enumerate(parcels):
-        net, gross = translate(parcel.net, *by_m), translate(parcel.gross, *by_m)
-        inside, sown = pixels_in(net, grid), pixels_in(gross, grid)
+        net = translate(parcel.net, *by_m)
+        gross = translate(parcel.gross, *by_m)
+        inside = pixels_in(net, grid)
+        sown = pixels_in(gross, grid)
         ring = pixels_in(shapely.Polygon(gross.buffer(SOIL_RING_M).exterior), grid) & ~sown
         if inside.any() and ring.any():
             out[k] = filled[inside].mean() - filled[ring].mean()

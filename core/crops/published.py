@@ -79,7 +79,8 @@ def christiansen2017(xyz_m: FloatArray, net: BaseGeometry, crop: BaseGeometry, a
 def points_in_polygon(xyz_m: FloatArray, polygon: BaseGeometry) -> FloatArray:
     """The points (m, 3) of (n, 3) whose easting and northing lie in a polygon; none on its outline (section 3.4.1)."""
     west, south, east, north = shapely.bounds(polygon)
-    x, y = xyz_m[:, 0], xyz_m[:, 1]
+    x = xyz_m[:, 0]
+    y = xyz_m[:, 1]
     near = np.flatnonzero((x >= west) & (x <= east) & (y >= south) & (y <= north))
     shapely.prepare(polygon)
     out: FloatArray = xyz_m[near[shapely.contains_xy(polygon, x[near], y[near])]]
@@ -115,7 +116,8 @@ def voxels(xyz_m: FloatArray, size_m: tuple[float, float, float] = PAPER_VOXEL_M
 def highest_voxels(occupied: NDArray[np.int64], grid: Grid, height_m: float = PAPER_VOXEL_M[2]) -> FloatArray:
     """Height of the middle of the highest of voxels (m, 3) in each pixel as wide; nan without one (section 3.5.1)."""
     pixels = np.full(grid.shape, -np.inf)
-    column, row = occupied[:, 0] - grid.west, grid.north - 1 - occupied[:, 1]
+    column = occupied[:, 0] - grid.west
+    row = grid.north - 1 - occupied[:, 1]
     inside = (column >= 0) & (column < grid.columns) & (row >= 0) & (row < grid.rows)
     np.maximum.at(pixels, (row[inside], column[inside]), (occupied[inside, 2] + 0.5) * height_m)
     return np.where(np.isinf(pixels), np.nan, pixels)
@@ -139,10 +141,12 @@ def _fill(pixels, fewest):  # type: ignore[no-untyped-def]
     side = columns + 2
     around = np.array([-side - 1, -side, -side + 1, -1, 1, side - 1, side, side + 1])
     # a margin of one pixel, missing and never filled, spares the look at the edges
-    value, known = np.full((rows + 2) * side, np.nan), np.full((rows + 2) * side, -9, np.int32)
+    value = np.full((rows + 2) * side, np.nan)
+    known = np.full((rows + 2) * side, -9, np.int32)
     for row in range(rows):
         value[(row + 1) * side + 1 : (row + 2) * side - 1] = pixels[row]
-    ready, after = np.empty(rows * columns, np.int64), np.empty(rows * columns, np.int64)
+    ready = np.empty(rows * columns, np.int64)
+    after = np.empty(rows * columns, np.int64)
     means = np.empty(rows * columns)
     count = 0
     for row in range(rows):
@@ -219,12 +223,16 @@ def _grow(heights, gradient, seed, region):  # type: ignore[no-untyped-def]
     rows, columns = heights.shape
     queue = np.empty(rows * columns, np.int64)
     region[seed // columns, seed % columns] = True
-    queue[0], total = seed, heights[seed // columns, seed % columns]
-    count, joined = 1, True
+    queue[0] = seed
+    total = heights[seed // columns, seed % columns]
+    count = 1
+    joined = True
     while joined:
-        joined, done = False, 0
+        joined = False
+        done = 0
         while done < count:
-            row, column = queue[done] // columns, queue[done] % columns
+            row = queue[done] // columns
+            column = queue[done] % columns
             done += 1
             for i in range(max(row - 1, 0), min(row + 2, rows)):
                 for j in range(max(column - 1, 0), min(column + 2, columns)):

@@ -83,7 +83,8 @@ class Observations:
         """The sums of observations (n,), with blocks numbered from 0 without gaps."""
         doses, index = np.unique(dose, return_inverse=True)
         shape = (int(block.max(initial=0)) + 1, len(doses))
-        count, total = np.zeros(shape), np.zeros(shape)
+        count = np.zeros(shape)
+        total = np.zeros(shape)
         np.add.at(count, (block, index), 1.0)
         np.add.at(total, (block, index), height)
         means = total.sum(axis=1) / count.sum(axis=1)
@@ -123,7 +124,8 @@ def fit_logistic(dose: FloatArray, height: FloatArray, block: IntArray) -> Logis
     kept, spread = _inside(_fit_nodes(seen, box, FINE_NODES), limit)
     at = int(np.argmin(kept.sum_squares))
     # whether nodes lie on the border of what the doses can show
-    place, near = np.array([np.log(kept.gradient), kept.midpoint]), 1e-6 * np.diff(outer, axis=1)
+    place = np.array([np.log(kept.gradient), kept.midpoint])
+    near = 1e-6 * np.diff(outer, axis=1)
     edge = np.any((place < outer[:, :1] + near) | (place > outer[:, 1:] - near), axis=0)
     weights = 1.0 / seen.count.sum(axis=1)
     one = float(weights.sum()) / len(weights) ** 2
@@ -189,14 +191,16 @@ def p_of_no_response(dose: FloatArray, height: FloatArray, block: IntArray, tria
 
 def _outer(doses: FloatArray) -> FloatArray:
     """(2, 2) least and greatest logarithm of the gradient, and midpoint, that doses (d,) can show."""
-    span, step = float(doses[-1] - doses[0]), float(np.diff(doses).min())
+    span = float(doses[-1] - doses[0])
+    step = float(np.diff(doses).min())
     gradients = [np.log(MIN_GRADIENT / span), np.log(MAX_GRADIENT / step)]
     return np.array([gradients, [doses[0] - BEYOND * span, doses[-1] + BEYOND * span]])
 
 
 def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[FloatArray, float]:
     """The box (2, 2) around the region of `factor` times the least sum of squares, a node at least, and that limit."""
-    box, least = outer, np.inf
+    box = outer
+    least = np.inf
     for _ in range(12):
         nodes = _fit_nodes(seen, box, NODES)
         least = min(least, float(nodes.sum_squares.min()))
@@ -248,8 +252,10 @@ def _fit_nodes(seen: Observations, box: FloatArray, number: int) -> _Nodes:
 
 def _estimate(value: FloatArray, half: FloatArray, at: int, edge: NDArray[Any], least: float = -np.inf) -> Estimate:
     """The value at a node, and the extremes of value ± half over all nodes; open where a border has them."""
-    low, high = value - half, value + half
-    first, last = int(np.argmin(low)), int(np.argmax(high))
+    low = value - half
+    high = value + half
+    first = int(np.argmin(low))
+    last = int(np.argmax(high))
     return Estimate(
         float(value[at]), least if edge[first] else float(low[first]), np.inf if edge[last] else float(high[last])
     )
@@ -331,8 +337,12 @@ def fit_response(
     names = np.array(["" if name is None else name for name in (block or [""] * len(dose))], object)[known]
     labels = tuple(dict.fromkeys(str(name) for name in names))
     index = np.array([labels.index(str(name)) for name in names], np.intp)
-    dose, value = dose[known], value[known]
-    doses, p, curve, shown = len(np.unique(dose)), None, None, False
+    dose = dose[known]
+    value = value[known]
+    doses = len(np.unique(dose))
+    p = None
+    curve = None
+    shown = False
     gap = f" {unit}" if unit else ""
     if doses >= MIN_DOSES and len(dose) - len(labels) - 3 >= 1:
         p = p_of_no_response(dose, value, index, TRIALS)
@@ -348,7 +358,8 @@ def fit_response(
         )
     else:
         curve = fit_logistic(dose, value, index)
-        highest, reach = float(dose.max()), curve.plateau
+        highest = float(dose.max())
+        reach = curve.plateau
         shown = reach.high <= highest
         if shown:
             words = (
@@ -428,7 +439,8 @@ def analysis_of_variance(
         )
         for source, row in found.iterrows()
     )
-    sigma, t = float(np.sqrt(model.mse_resid)), float(special.stdtrit(model.df_resid, 0.975))
+    sigma = float(np.sqrt(model.mse_resid))
+    t = float(special.stdtrit(model.df_resid, 0.975))
     means = []
     for name in names:
         own = value[np.array([each == name for each in treatment])]

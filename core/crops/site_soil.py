@@ -65,7 +65,9 @@ class SoilAround:
 
     def plain(self) -> dict[str, Any]:
         """As reports have it."""
-        relief_m, range_m, cell_m = self.covariance.relief_m, self.covariance.range_m, self.covariance.cell_m
+        relief_m = self.covariance.relief_m
+        range_m = self.covariance.range_m
+        cell_m = self.covariance.cell_m
         return {"relief_m": round(relief_m, 4), "range_m": round(range_m, 2), "cell_sigma_m": round(cell_m, 4)}
 
 
@@ -102,8 +104,10 @@ class SoilRaster:
         dataset = self.raster.dataset
         column, row = (place - 0.5 for place in self.raster.columns_rows(x, y))
         size = max(1, 2 * int(0.5 * side_m / float(np.mean(dataset.res))) + 1)
-        left, top = int(np.floor(column.min())) - size, int(np.floor(row.min())) - size
-        right, bottom = int(np.ceil(column.max())) + size + 1, int(np.ceil(row.max())) + size + 1
+        left = int(np.floor(column.min())) - size
+        top = int(np.floor(row.min())) - size
+        right = int(np.ceil(column.max())) + size + 1
+        bottom = int(np.ceil(row.max())) + size + 1
         window = ((max(top, 0), min(bottom, dataset.height)), (max(left, 0), min(right, dataset.width)))
         out = np.full(len(x), np.nan)
         if window[0][0] >= window[0][1] or window[1][0] >= window[1][1]:
@@ -185,7 +189,8 @@ def align_survey(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[st
         differences[parcel.id] = without_crop(less).nearest(parcel)
     around = soil_around(differences, trend="constant")
     medians = np.array([np.median(cells.height_m) for cells in differences.values() if len(cells) >= MIN_SOIL_CELLS])
-    offset_m, sigma_m = 0.0, math.nan
+    offset_m = 0.0
+    sigma_m = math.nan
     if len(medians):
         offset_m = float(np.median(medians))
         spread = 1.4826 * float(np.median(np.abs(medians - offset_m)))

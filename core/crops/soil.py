@@ -126,7 +126,8 @@ class HeightCovariance:
     def between(self, one_m: FloatArray, other_m: FloatArray) -> FloatArray:
         """Covariance (n, m) of heights at positions (n, 2) and (m, 2)."""
         out = np.empty((len(one_m), len(other_m)))
-        one, other = np.ascontiguousarray(one_m), np.ascontiguousarray(other_m)
+        one = np.ascontiguousarray(one_m)
+        other = np.ascontiguousarray(other_m)
         _covariance(one, other, one_m is other_m, self.relief_m, self.range_m, out)
         return out
 
@@ -143,7 +144,8 @@ def soil_cells(xyz_m: FloatArray) -> SoilCells:
     """The cells of points (n, 3) of bare soil that hold enough of them and are even."""
     if not len(xyz_m):
         return SoilCells(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
-    (west, south), (east, north) = xyz_m[:, :2].min(axis=0).tolist(), xyz_m[:, :2].max(axis=0).tolist()
+    west, south = xyz_m[:, :2].min(axis=0).tolist()
+    east, north = xyz_m[:, :2].max(axis=0).tolist()
     grid = Grid.of_bounds(SOIL_CELL_M, (west, south, east, north))
     out = np.empty((min(grid.rows * grid.columns, len(xyz_m)), 4))
     cell = np.floor(xyz_m[:, :2] / SOIL_CELL_M).astype(np.int64) - (grid.west, grid.north - grid.rows)
@@ -190,9 +192,11 @@ def noise_in_pixels(xyz_m: FloatArray, pixel_m: float) -> FloatArray:
     """
     if not len(xyz_m):
         return np.zeros(0)
-    (west, south), (east, north) = xyz_m[:, :2].min(axis=0).tolist(), xyz_m[:, :2].max(axis=0).tolist()
+    west, south = xyz_m[:, :2].min(axis=0).tolist()
+    east, north = xyz_m[:, :2].max(axis=0).tolist()
     grid = Grid.of_bounds(pixel_m, (west, south, east, north))
-    column, row = xyz_m[:, 0] / pixel_m - grid.west, grid.north - xyz_m[:, 1] / pixel_m
+    column = xyz_m[:, 0] / pixel_m - grid.west
+    row = grid.north - xyz_m[:, 1] / pixel_m
     means = pixel_returns(column, row, xyz_m[:, 2], grid).means_m(np.ones(grid.shape, np.bool_))
     out: FloatArray = np.sqrt(np.pi) * (means[:, 1] - means[:, 0])
     return out
@@ -240,7 +244,9 @@ def likely_covariances(surroundings: list[SoilCells], trend: Trend = "plane") ->
 
 def _likelihood(groups: list[SoilCells], covariance: HeightCovariance, trend: Trend) -> tuple[float, float]:
     """Restricted log-likelihood of a covariance but for its scale, and the scale."""
-    logs, squares, freedom = 0.0, 0.0, 0
+    logs = 0.0
+    squares = 0.0
+    freedom = 0
     for cells in groups:
         design = _design(cells.xy_m, cells.xy_m.mean(axis=0), trend)
         factor = cho_factor(covariance.between(cells.xy_m, cells.xy_m) + np.eye(len(cells)), lower=True)
@@ -276,16 +282,21 @@ def interpolate_soil(
     """
     if len(cells) < MIN_SOIL_CELLS or not _determines(cells, trend):
         return None
-    nodes, middle = patch_nodes(parcel), cells.xy_m.mean(axis=0)
-    design, at_nodes = _design(cells.xy_m, middle, trend), _design(nodes.xy_m, middle, trend)
+    nodes = patch_nodes(parcel)
+    middle = cells.xy_m.mean(axis=0)
+    design = _design(cells.xy_m, middle, trend)
+    at_nodes = _design(nodes.xy_m, middle, trend)
     base = float(cells.height_m.mean())
     height = cells.height_m - base
-    near, under = covariance.between(nodes.xy_m, cells.xy_m), nodes.xy_m[nodes.inside]
-    mean_near, mean_design = near[nodes.inside].mean(axis=0), at_nodes[nodes.inside].mean(axis=0)
+    near = covariance.between(nodes.xy_m, cells.xy_m)
+    under = nodes.xy_m[nodes.inside]
+    mean_near = near[nodes.inside].mean(axis=0)
+    mean_design = at_nodes[nodes.inside].mean(axis=0)
     # one solution for all: of the design, of the heights, of the covariance with the mean below the parcel
     columns = np.column_stack([design, height, mean_near])
     solved = cho_solve(covariance.factor(cells), columns, overwrite_b=True, check_finite=False)
-    weighted, seen = solved[:, :-2], solved[:, -1]
+    weighted = solved[:, :-2]
+    seen = solved[:, -1]
     of_trend = np.linalg.inv(design.T @ weighted)
     plane = of_trend @ (weighted.T @ height)
     heights = base + at_nodes @ plane + near @ (solved[:, -2] - weighted @ plane)
@@ -314,17 +325,21 @@ def _cells(points, cell, cells, out):  # type: ignore[no-untyped-def]
         starts[cell[k] + 1] += 1
     for c in range(cells):
         starts[c + 1] += starts[c]
-    place, order = starts[:-1].copy(), np.empty(len(cell), np.int64)
+    place = starts[:-1].copy()
+    order = np.empty(len(cell), np.int64)
     for k in range(len(cell)):
         order[place[cell[k]]] = k
         place[cell[k]] += 1
     found = 0
     for c in range(cells):
-        first, n = starts[c], starts[c + 1] - starts[c]
+        first = starts[c]
+        n = starts[c + 1] - starts[c]
         if n < MIN_CELL_POINTS:
             continue
         heights = np.empty(n)
-        x, y, base = 0.0, 0.0, points[order[first]]
+        x = 0.0
+        y = 0.0
+        base = points[order[first]]
         for k in range(n):
             point = points[order[first + k]]
             heights[k] = point[2]
@@ -338,7 +353,9 @@ def _cells(points, cell, cells, out):  # type: ignore[no-untyped-def]
             quartiles[q] = heights[low] + (at - low) * (heights[min(low + 1, n - 1)] - heights[low])
         spread = quartiles[2] - quartiles[0]
         if spread <= MAX_SPREAD_M:
-            out[found, 0], out[found, 1], out[found, 2] = base[0] + x / n, base[1] + y / n, quartiles[1]
+            out[found, 0] = base[0] + x / n
+            out[found, 1] = base[1] + y / n
+            out[found, 2] = quartiles[1]
             out[found, 3] = MEDIAN_LOSS * max(spread / 1.349, 1e-3) / np.sqrt(n)
             found += 1
     return found
@@ -350,8 +367,10 @@ def _bilinear(height, west, south, x_m, y_m, out):  # type: ignore[no-untyped-de
     for k in range(len(x_m)):
         x = min(max((x_m[k] - west) / NODE_M, 0.0), columns - 1.001)
         y = min(max((y_m[k] - south) / NODE_M, 0.0), rows - 1.001)
-        i, j = int(y), int(x)
-        v, u = y - i, x - j
+        i = int(y)
+        j = int(x)
+        v = y - i
+        u = x - j
         low = (1.0 - u) * height[i, j] + u * height[i, j + 1]
         high = (1.0 - u) * height[i + 1, j] + u * height[i + 1, j + 1]
         out[k] = (1.0 - v) * low + v * high
@@ -362,7 +381,8 @@ def _covariance(one, other, is_same, relief, reach, out):  # type: ignore[no-unt
     """Covariances of heights at two sets of positions, or within one."""
     for i in range(len(one)):
         for j in range(i + 1 if is_same else len(other)):
-            x, y = one[i, 0] - other[j, 0], one[i, 1] - other[j, 1]
+            x = one[i, 0] - other[j, 0]
+            y = one[i, 1] - other[j, 1]
             d = math.sqrt(x * x + y * y) / reach
             out[i, j] = relief * relief * (1.0 + d) * math.exp(-d)
             if is_same:

@@ -112,7 +112,8 @@ def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[
             unknown=list_names(unknown, what),
             keys=", ".join(list(dict.fromkeys(keys))[:5]),
         )
-    treated, bare = [], []
+    treated = []
+    bare = []
     for parcel, key in zip(parcels, keys, strict=True):
         if key not in treatments.rows:
             treated.append(parcel)

@@ -40,7 +40,8 @@ class Network:
 
     def between(self, one: int, other: int) -> tuple[FloatArray, FloatArray]:
         """The move of one date less that of another (6,), and its covariance (6, 6)."""
-        a, b = slice(MOVE_SIZE * one, MOVE_SIZE * (one + 1)), slice(MOVE_SIZE * other, MOVE_SIZE * (other + 1))
+        a = slice(MOVE_SIZE * one, MOVE_SIZE * (one + 1))
+        b = slice(MOVE_SIZE * other, MOVE_SIZE * (other + 1))
         c = self.covariance
         return self.moves[other] - self.moves[one], c[a, a] + c[b, b] - c[a, b] - c[b, a]
 
@@ -60,9 +61,11 @@ def adjust_network(ties: Mapping[tuple[int, int], PairTie], prior: FloatArray) -
     shares = {pair: 2.0 / _sharing(pair, ties, n) for pair in ties}
     weights = dict.fromkeys(ties, 1.0)
     for _ in range(5):
-        normal, right = np.diag(1.0 / prior.ravel() ** 2), np.zeros(MOVE_SIZE * n)
+        normal = np.diag(1.0 / prior.ravel() ** 2)
+        right = np.zeros(MOVE_SIZE * n)
         for (one, other), tie in ties.items():
-            a, b = slice(MOVE_SIZE * one, MOVE_SIZE * (one + 1)), slice(MOVE_SIZE * other, MOVE_SIZE * (other + 1))
+            a = slice(MOVE_SIZE * one, MOVE_SIZE * (one + 1))
+            b = slice(MOVE_SIZE * other, MOVE_SIZE * (other + 1))
             information = tie.information * shares[one, other] * weights[one, other]
             normal[a, a] += information
             normal[b, b] += information

@@ -91,7 +91,8 @@ def sum_differences(
         side = max(round(TIE_PATCH_M / pair.cell_m), 1)
         across = -(-columns // side)
         parts.append(np.zeros((-(-rows // side) * across, PATCH_SUMS)))
-        west, north = pair.west_m - middle_m[0], pair.north_m - middle_m[1]
+        west = pair.west_m - middle_m[0]
+        north = pair.north_m - middle_m[1]
         _sum(pair.one, pair.other, west, north, pair.cell_m, shift, trend, limit_m, side, across, parts[-1])
     sums = np.concatenate(parts)
     sums = sums[sums[:, 0] >= MIN_PATCH_CELLS]
@@ -125,10 +126,12 @@ def _sum(one, other, west, north, cell, shift, trend, limit, side, across, sums)
             # the moved surface at (x, y) is that which was measured at (x, y) less the shift
             u = j - (shift[0] - shift[2] * y) / cell
             v = i + (shift[1] + shift[2] * x) / cell
-            p, q = int(np.floor(v)), int(np.floor(u))
+            p = int(np.floor(v))
+            q = int(np.floor(u))
             if p < 1 or q < 1 or p + 2 >= rows or q + 2 >= columns:
                 continue
-            fv, fu = v - p, u - q
+            fv = v - p
+            fu = u - q
             b = gx = gy = 0.0
             for k in range(2):
                 for m in range(2):
@@ -137,10 +140,12 @@ def _sum(one, other, west, north, cell, shift, trend, limit, side, across, sums)
                     gx += w * (other[p + k, q + m + 1] - other[p + k, q + m - 1])
                     gy += w * (other[p + k - 1, q + m] - other[p + k + 1, q + m])
             # products of the slopes of one date with those of the other: noise of neither biases the shift
-            bx, by = gx / (2.0 * cell), gy / (2.0 * cell)
+            bx = gx / (2.0 * cell)
+            by = gy / (2.0 * cell)
             ax = (one[i, j + 1] - one[i, j - 1]) / (2.0 * cell)
             ay = (one[i - 1, j] - one[i + 1, j]) / (2.0 * cell)
-            gx, gy = 0.5 * (ax + bx), 0.5 * (ay + by)
+            gx = 0.5 * (ax + bx)
+            gy = 0.5 * (ay + by)
             r = b - a
             if not (np.isfinite(r) and np.isfinite(gx) and np.isfinite(gy)) or gx * gx + gy * gy > MAX_SLOPE**2:
                 continue
@@ -231,11 +236,15 @@ def tie_pair(
     known = np.concatenate([np.zeros(0), *[a[np.isfinite(a)] for a in apart]])
     place: FloatArray = np.zeros(3)
     trend: FloatArray = np.array([float(np.median(known)) if len(known) else 0.0, 0.0, 0.0])
-    shown, found, limit_m = place, None, MAX_DIFFERENCE_M
+    shown = place
+    found = None
+    limit_m = MAX_DIFFERENCE_M
     reach_m = max((math.dist((p.west_m, p.north_m), middle_m) for p in here), default=1.0)
-    before, aimed = np.diag(1.0 / place_sigma**2), np.zeros(3)
+    before = np.diag(1.0 / place_sigma**2)
+    aimed = np.zeros(3)
     if upright is not None:
-        before, aimed = before + upright.information, upright.information @ upright.place
+        before = before + upright.information
+        aimed = upright.information @ upright.place
     for cells in SMOOTHING_CELLS:
         smooth = [smooth_pair(pair, cells) for pair in here]
         found = sum_differences(smooth, middle_m, place, trend, limit_m)
@@ -284,14 +293,16 @@ def _fit_plane(found: DifferencePatches, middle_m: FloatArray) -> FloatArray:
 def _solve_place(found: DifferencePatches, middle_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The shift and turn that is left (3,), and its information (3, 3) by the scatter among patches."""
     x, y = (found.xy_m - middle_m).T
-    one, none = np.ones(len(found)), np.zeros(len(found))
+    one = np.ones(len(found))
+    none = np.zeros(len(found))
     turn = np.stack([np.stack([one, none, -y], -1), np.stack([none, one, x], -1)], -2)
     normal = np.einsum("pki,pkl,plj->pij", turn, found.relief, turn)
     right = np.einsum("pki,pk->pi", turn, found.seen_m)
     calm = found.variance_m2 <= OUTLIER_SIGMAS**2 * np.median(found.variance_m2)
     # turns in units that move the farthest patch by a metre, so that all three are alike
     scale = np.array([1.0, 1.0, 1.0 / max(float(np.hypot(x, y).max()), 1.0)])
-    normal, right = normal * np.outer(scale, scale), right * scale
+    normal = normal * np.outer(scale, scale)
+    right = right * scale
     total = normal[calm].sum(axis=0)
     value, axis = np.linalg.eigh(total)
     by_patch = np.einsum("ik,pij,jk->pk", axis, normal[calm], axis)
@@ -324,8 +335,10 @@ def _complete_tie(found: DifferencePatches, middle_m: FloatArray, place: FloatAr
             spread = inverse @ np.tril(lower)
             covariance += probability * spread @ spread.T
     departures = SoilCells(cells.xy_m, cells.height_m - design @ trend, cells.sigma_m)
-    move, information = np.zeros(6), np.zeros((6, 6))
-    move[LEVEL_TERMS], move[PLACE_TERMS] = -trend, place
+    move = np.zeros(6)
+    information = np.zeros((6, 6))
+    move[LEVEL_TERMS] = -trend
+    move[PLACE_TERMS] = place
     information[np.ix_(LEVEL_TERMS, LEVEL_TERMS)] = np.linalg.inv(covariance)
     information[np.ix_(PLACE_TERMS, PLACE_TERMS)] = of_place
     scatter = math.sqrt(float(np.median(found.variance_m2)))
@@ -346,9 +359,11 @@ def tie_points(xy_m: FloatArray, above_m: FloatArray, sigma_m: FloatArray, middl
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
     inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-9, hermitian=True)
     trend = inverse @ (design.T @ (weight * above_m) / scale) / scale
-    move, information = np.zeros(6), np.zeros((6, 6))
+    move = np.zeros(6)
+    information = np.zeros((6, 6))
     move[LEVEL_TERMS] = -trend
     information[np.ix_(LEVEL_TERMS, LEVEL_TERMS)] = normal
     departures = SoilCells(xy_m, above_m - design @ trend, sigma_m)
-    none, sigma = HeightCovariance(0.0, 1.0, 0.0), float(np.median(sigma_m))
+    none = HeightCovariance(0.0, 1.0, 0.0)
+    sigma = float(np.median(sigma_m))
     return PairTie(move, information, len(above_m), len(above_m), departures, none, sigma)

@@ -101,7 +101,8 @@ def _ground_below(ground: FloatArray, others: FloatArray) -> FloatArray:
     """Height of the ground within 5 m of each of the others, by cells of a metre; nan where there is none."""
     most = np.maximum(ground[:, :2].max(axis=0), others[:, :2].max(axis=0))
     shape = tuple(most.astype(int) + 1)
-    count, total = np.zeros(shape), np.zeros(shape)
+    count = np.zeros(shape)
+    total = np.zeros(shape)
     at = tuple(ground[:, :2].astype(int).T)
     np.add.at(count, at, 1.0)
     np.add.at(total, at, ground[:, 2])
@@ -117,15 +118,19 @@ def _faces(high: FloatArray, offset_m: float) -> Upright:
     """A piece of a face for each column whose points lie along a line."""
     cell = np.floor((high[:, :2] + offset_m) / UPRIGHT_COLUMN_M).astype(np.int64)
     order = np.lexsort(cell.T)
-    cell, point = cell[order], high[order]
+    cell = cell[order]
+    point = high[order]
     begin = np.flatnonzero(np.r_[True, (np.diff(cell, axis=0) != 0).any(axis=1)])
     count = np.diff(np.r_[begin, len(cell)]).astype(np.float64)
     middle = (cell[begin] + 0.5) * UPRIGHT_COLUMN_M - offset_m
     e, n = (point[:, :2] - np.repeat(middle, count.astype(int), axis=0)).T
     me, mn, ee, en, nn = (np.add.reduceat(v, begin) / count for v in (e, n, e * e, e * n, n * n))
-    ee, en, nn = ee - me**2, en - me * mn, nn - mn**2
+    ee = ee - me**2
+    en = en - me * mn
+    nn = nn - mn**2
     half = np.hypot(0.5 * (ee - nn), en)
-    along, across = 0.5 * (ee + nn) + half, np.maximum(0.5 * (ee + nn) - half, 0.0)
+    along = 0.5 * (ee + nn) + half
+    across = np.maximum(0.5 * (ee + nn) - half, 0.0)
     tall = np.maximum.reduceat(point[:, 2], begin) - np.minimum.reduceat(point[:, 2], begin)
     direction = 0.5 * np.arctan2(2.0 * en, ee - nn)
     normal = np.column_stack([-np.sin(direction), np.cos(direction)])
@@ -164,7 +169,8 @@ def _posts(high: FloatArray, faces: Upright) -> Upright:
     off = ((point[:, :2] - np.repeat(mean, points, axis=0)) ** 2).sum(axis=1)
     spread = np.sqrt(np.add.reduceat(off, begin) / points)
     tall = np.maximum.reduceat(point[:, 2], begin) - np.minimum.reduceat(point[:, 2], begin)
-    least, greatest = np.minimum.reduceat(point[:, :2], begin), np.maximum.reduceat(point[:, :2], begin)
+    least = np.minimum.reduceat(point[:, :2], begin)
+    greatest = np.maximum.reduceat(point[:, :2], begin)
     good = (points >= MIN_COLUMN_POINTS) & (tall >= MIN_FACE_HEIGHT_M) & ((greatest - least) <= MAX_POST_M).all(axis=1)
     sigma = np.hypot(POST_SIGMA_M, POST_SHARE * spread)
     return Upright(mean, np.full((len(mean), 2), np.nan), sigma).at(good)
@@ -233,11 +239,13 @@ def _solve_move(found: _Matches, place: FloatArray, middle_m: FloatArray) -> Upr
     """The move by what agrees with `place`, and its information by how well."""
     away = (found.off_m - found.design @ place) / np.sqrt(found.alone_m2)
     kept = np.abs(away) <= OUTLIER_SIGMAS
-    moved, used = np.unique(found.xy_m[~kept], axis=0), np.unique(found.xy_m[kept], axis=0)
+    moved = np.unique(found.xy_m[~kept], axis=0)
+    used = np.unique(found.xy_m[kept], axis=0)
     used = used[~(used[:, None] == moved).all(axis=2).any(axis=1)]  # a post has two equations
     # turns in units that move the farthest thing by a metre, so that all three are alike
     scale = np.array([1.0, 1.0, 1.0 / max(float(np.hypot(*(found.xy_m - middle_m).T).max()), 1.0)])
-    design, weight = found.design[kept] * scale, 1.0 / found.variance_m2[kept]
+    design = found.design[kept] * scale
+    weight = 1.0 / found.variance_m2[kept]
     normal = design.T @ (design * weight[:, None])
     right = design.T @ (found.off_m[kept] * weight)
     place = scale * (np.linalg.pinv(normal, rcond=1e-6, hermitian=True) @ right)
@@ -257,7 +265,8 @@ def _match(one: Upright, other: Upright, middle_m: FloatArray, place: FloatArray
         east, north = (b.xy_m - middle_m).T
         moved = b.xy_m + place[:2] + place[2] * np.column_stack([-north, east])
         far, found = cKDTree(a.xy_m).query(moved, distance_upper_bound=math.hypot(reach_m, MAX_ALONG_M))
-        distance, nearest = np.asarray(far, np.float64), np.asarray(found, np.int64)
+        distance = np.asarray(far, np.float64)
+        nearest = np.asarray(found, np.int64)
         there = np.flatnonzero(np.isfinite(distance))
         a, b, left = a.at(nearest[there]), b.at(there), a.xy_m[nearest[there]] - moved[there]
         good = distance[there] <= reach_m

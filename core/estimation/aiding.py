@@ -89,15 +89,19 @@ class Gyroscopes(Observation):
         size = state.layout.size
         nearest = np.clip(np.searchsorted(self.t_s, knots.t_s[linked] - 0.5 * KNOT_STEP_S), 0, len(self.t_s) - 1)
         measured = np.abs(self.t_s[nearest] - knots.t_s[linked]) < 0.1 * KNOT_STEP_S
-        linked, turn = linked[measured], self.turn_rad[nearest[measured]]
-        bias, tilt, scale = state[RATE_BIAS][linked], state[MISALIGNMENT][linked], state[GYRO_SCALE][linked]
+        linked = linked[measured]
+        turn = self.turn_rad[nearest[measured]]
+        bias = state[RATE_BIAS][linked]
+        tilt = state[MISALIGNMENT][linked]
+        scale = state[GYRO_SCALE][linked]
         true = turn - KNOT_STEP_S * bias + np.cross(tilt, turn) - scale * turn
         here = state.rotation[linked]
         earth = Rotation.from_rotvec(-KNOT_STEP_S * self.site.earth_rate_radps).as_matrix()
         computed = earth @ here @ Rotation.from_rotvec(true).as_matrix()
         residual = Rotation.from_matrix(state.rotation[linked + 1] @ computed.transpose(0, 2, 1)).as_rotvec()
         design = np.zeros((len(linked), 3, size + POSE))
-        design[:, :, ROTATION:POSE], design[:, :, size + ROTATION :] = -np.eye(3), np.eye(3)
+        design[:, :, ROTATION:POSE] = -np.eye(3)
+        design[:, :, size + ROTATION :] = np.eye(3)
         for block, rows in (
             (RATE_BIAS, KNOT_STEP_S * here),
             (MISALIGNMENT, here @ cross_matrix(turn)),
@@ -128,7 +132,8 @@ class InertialAttitudes(Observation):
         """Of a trajectory by GNSS and IMU: roll and pitch often, headings seldom, as gyroscopes lose them."""
         at = np.flatnonzero((knots.t_s >= trajectory.span_s[0]) & (knots.t_s <= trajectory.span_s[1]))
         before, _, inside = trajectory.interval(knots.t_s[at])
-        at, sigma_deg = at[inside], trajectory.sigma[before[inside], 3:]
+        at = at[inside]
+        sigma_deg = trajectory.sigma[before[inside], 3:]
         sigma = np.radians(np.column_stack([sigma_deg[:, :2].max(axis=1)] * 2 + [sigma_deg[:, 2]]))
         parts = []
         for first, end in ((0, 2), (2, 3)):
@@ -146,7 +151,9 @@ class InertialAttitudes(Observation):
         """An equation for each known angle."""
         nearest = np.clip(np.searchsorted(knots.t_s, self.t_s - 0.5 * KNOT_STEP_S), 0, len(knots) - 1)
         inside = np.abs(knots.t_s[nearest] - self.t_s) < 0.1 * KNOT_STEP_S
-        k, size, tilt = nearest[inside], state.layout.size, state.layout.column(MISALIGNMENT)
+        k = nearest[inside]
+        size = state.layout.size
+        tilt = state.layout.column(MISALIGNMENT)
         turned = Rotation.from_rotvec(state[MISALIGNMENT][k]).as_matrix()
         off = Rotation.from_matrix(state.rotation[k] @ turned @ self.rotation[inside].transpose(0, 2, 1)).as_rotvec()
         design = np.zeros((len(k), 3, size))

@@ -35,7 +35,9 @@ class NormalEquations:
     def __init__(self, unknowns: int, width: int) -> None:
         self.band = arrays.zeros((width, unknowns), order="F")
         self.right = arrays.zeros(unknowns)
-        self.squares, self.redundancy, self.log_sigmas = 0.0, -unknowns, 0.0
+        self.squares = 0.0
+        self.redundancy = -unknowns
+        self.log_sigmas = 0.0
 
     def add(self, first: NDArray[np.intp], design: FloatArray, residual: FloatArray, sigma: FloatArray) -> None:
         """Add observations.
@@ -57,7 +59,8 @@ class NormalEquations:
     def copied(self) -> "NormalEquations":
         """The same equations, to which others can be added."""
         out = copy(self)
-        out.band, out.right = arrays.copied(self.band), self.right.copy()
+        out.band = arrays.copied(self.band)
+        out.right = self.right.copy()
         return out
 
     def dense(self) -> FloatArray:
@@ -141,7 +144,8 @@ def _back(factor: FloatArray, right: FloatArray) -> FloatArray:
 def _add(columns, right, first, scaled, residual):  # type: ignore[no-untyped-def]
     touched = np.empty(scaled.shape[1], np.int64)
     for k in range(len(first)):
-        begin, count = first[k], 0
+        begin = first[k]
+        count = 0
         for j in range(scaled.shape[1]):
             if scaled[k, j] != 0.0:
                 touched[count] = j
@@ -184,7 +188,8 @@ def _inverse_diagonal(factor, out):  # type: ignore[no-untyped-def]
     inverse = np.zeros((width, width))
     total = np.empty(width)
     for j in range(n - 1, -1, -1):
-        reach, at = min(width - 1, n - 1 - j), j % width
+        reach = min(width - 1, n - 1 - j)
+        at = j % width
         total[:] = 0.0
         for k in range(1, reach + 1):
             row = inverse[(j + k) % width]

@@ -37,7 +37,10 @@ class CoarseKnots:
     @classmethod
     def over(cls, knots: Knots, every: int, patch_m: float) -> "CoarseKnots":
         """A coarse knot at every `every`-th knot of each chain."""
-        grids, before, share, first = [], [], [], 0
+        grids = []
+        before = []
+        share = []
+        first = 0
         for chain in knots.chains:
             local = np.arange(chain.count)
             # The last knot never opens an interval: the coarse knot at its far end would move no knot.
@@ -99,7 +102,8 @@ def fine_step(coarse: CoarseKnots, centre_m: FloatArray, state: State, step: Flo
     twist = step.reshape(coarse.count, -1)
 
     def interpolated(part: slice) -> list[FloatArray]:
-        before, share = coarse.before[part], coarse.share[part]
+        before = coarse.before[part]
+        share = coarse.share[part]
         out = np.zeros((len(before), twist.shape[1]))
         for knot, weight in ((before, 1.0 - share), (np.minimum(before + 1, coarse.count - 1), share)):
             moved = twist[knot]
@@ -114,7 +118,8 @@ def coarse_right(coarse: CoarseKnots, centre_m: FloatArray, state: State, right:
     """A right-hand side (count · size,) of the coarse knots from one (n, size): :func:`fine_step` transposed."""
     out = np.zeros((coarse.count, right.shape[1]))
     for some in arrays.parts(len(right)):
-        before, share = coarse.before[some], coarse.share[some]
+        before = coarse.before[some]
+        share = coarse.share[some]
         for knot, weight in ((before, 1.0 - share), (np.minimum(before + 1, coarse.count - 1), share)):
             pull = right[some].copy()
             pull[:, 3:6] += np.cross(state.xyz_m[some] - centre_m[knot], right[some, :3])
@@ -132,7 +137,8 @@ def _project(size, band, right, before, share, xyz_m, centre_m, coarse_band, coa
     weights = np.empty((n, 2))
     arm = np.empty((n, 2, 3))
     for j in range(n):
-        weights[j, 0], weights[j, 1] = 1.0 - share[j], share[j]
+        weights[j, 0] = 1.0 - share[j]
+        weights[j, 1] = share[j]
         for e in range(2):
             c = min(before[j] + e, count - 1)
             w = weights[j, e]
@@ -148,7 +154,9 @@ def _project(size, band, right, before, share, xyz_m, centre_m, coarse_band, coa
             at[3] += w * (dy * fine[2] - dz * fine[1])
             at[4] += w * (dz * fine[0] - dx * fine[2])
             at[5] += w * (dx * fine[1] - dy * fine[0])
-    block, left, product = np.empty((size, size)), np.empty((size, size)), np.empty((size, size))
+    block = np.empty((size, size))
+    left = np.empty((size, size))
+    product = np.empty((size, size))
     for j in range(n):
         for step in range(reach):
             i = j + step
@@ -157,7 +165,8 @@ def _project(size, band, right, before, share, xyz_m, centre_m, coarse_band, coa
             nonzero = False
             for a in range(size):
                 for b in range(size):
-                    row, column = i * size + a, j * size + b
+                    row = i * size + a
+                    column = j * size + b
                     if row >= column:
                         block[a, b] = band[row - column, column]
                     else:
@@ -194,7 +203,8 @@ def _add_block(size, band, i, j, block, both):  # type: ignore[no-untyped-def]
     """Add a block at (i, j) to the lower band, and its transpose at (j, i) too if it stands for `both`."""
     for a in range(size):
         for b in range(size):
-            row, column = i * size + a, j * size + b
+            row = i * size + a
+            column = j * size + b
             if row >= column:
                 band[row - column, column] += block[a, b]
             if both and column >= row:

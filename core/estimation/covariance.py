@@ -61,20 +61,26 @@ def pose_sigmas(
 def _variances(size, xyz_m, rotation, before, share, centre_m, slow, quick, out):  # type: ignore[no-untyped-def]
     n = len(xyz_m)
     count = len(centre_m)
-    design, moved = np.zeros((6, 12)), np.empty(12)
+    design = np.zeros((6, 12))
+    moved = np.empty(12)
     block = np.empty((12, 12))
     covariance = np.empty((6, 6))
     for j in range(n):
         for e in range(2):
             c = min(before[j] + e, count - 1)
             w = share[j] if e else 1.0 - share[j]
-            dx, dy, dz = xyz_m[j, 0] - centre_m[c, 0], xyz_m[j, 1] - centre_m[c, 1], xyz_m[j, 2] - centre_m[c, 2]
+            dx = xyz_m[j, 0] - centre_m[c, 0]
+            dy = xyz_m[j, 1] - centre_m[c, 1]
+            dz = xyz_m[j, 2] - centre_m[c, 2]
             o = 6 * e
             for a in range(6):
                 design[a, o + a] = w
-            design[0, o + 4], design[0, o + 5] = w * dz, -w * dy
-            design[1, o + 3], design[1, o + 5] = -w * dz, w * dx
-            design[2, o + 3], design[2, o + 4] = w * dy, -w * dx
+            design[0, o + 4] = w * dz
+            design[0, o + 5] = -w * dy
+            design[1, o + 3] = -w * dz
+            design[1, o + 5] = w * dx
+            design[2, o + 3] = w * dy
+            design[2, o + 4] = -w * dx
             for f in range(2):
                 d = min(before[j] + f, count - 1)
                 for a in range(6):
@@ -124,10 +130,12 @@ def marginal_covariance(equations: NormalEquations, size: int, nodes: IntArray, 
         if last == first + 1:
             beside[number] = _beside(equations, size, first)
             continue
-        to_first, to_last = _beside(equations, size, first), _beside(equations, size, last - 1).T
+        to_first = _beside(equations, size, first)
+        to_last = _beside(equations, size, last - 1).T
         inner = slice((first + 1) * size, last * size)
         right = np.zeros((inner.stop - inner.start, 2 * size), order="F")
-        right[:size, :size], right[-size:, size:] = to_first, to_last
+        right[:size, :size] = to_first
+        right[-size:, size:] = to_last
         factor, fault = scipy.linalg.lapack.dpbtrf(arrays.copied(equations.band[:, inner]), lower=1, overwrite_ab=1)
         if fault:
             raise np.linalg.LinAlgError(f"the normal matrix is not positive definite between knots {first} and {last}")

@@ -96,7 +96,8 @@ class ImuConstants:
 
     def clock_left_s(self, used_s: float) -> float:
         """Standard deviation of the offset if `used_s` of it is used: there may be one, or none at all."""
-        (left,), (sigma,) = self.clock.value, self.clock.sigma
+        (left,) = self.clock.value
+        (sigma,) = self.clock.sigma
         if not self.clock_shown:
             return sigma if used_s else 0.0
         likely = expit(0.5 * (((used_s + left) / sigma) ** 2 - CERTAIN_SIGMAS**2))
@@ -208,7 +209,8 @@ def _add_turns(
         sums: (q, n, size) products with the states, (q, q) squares, and (q,) products with the residuals.
     """
     link, alone, pull = sums
-    computed, column = predicted(links, knots, state, linked), state.layout.column(RATE_BIAS)
+    computed = predicted(links, knots, state, linked)
+    column = state.layout.column(RATE_BIAS)
     turn = Rotation.from_matrix(computed.steps.turn).as_rotvec()
     off = Rotation.from_matrix(state.rotation[linked + 1] @ computed.rotation.transpose(0, 2, 1)).as_rotvec()
     turned = np.einsum("kij,kj->ki", state.rotation[linked], turn)

@@ -78,23 +78,36 @@ def exponential(x, y, z):  # type: ignore[no-untyped-def]
     """Rotation matrix (3, 3) of a rotation vector (Rodrigues)."""
     angle2 = x * x + y * y + z * z
     if angle2 < 1e-12:
-        a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
+        a = 1.0 - angle2 / 6.0
+        b = 0.5 - angle2 / 24.0
     else:
         angle = np.sqrt(angle2)
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
+        a = np.sin(angle) / angle
+        b = (1.0 - np.cos(angle)) / angle2
     out = np.empty((3, 3))
-    out[0, 0], out[1, 1], out[2, 2] = 1.0 - b * (y * y + z * z), 1.0 - b * (x * x + z * z), 1.0 - b * (x * x + y * y)
-    out[0, 1], out[1, 0] = b * x * y - a * z, b * x * y + a * z
-    out[0, 2], out[2, 0] = b * x * z + a * y, b * x * z - a * y
-    out[1, 2], out[2, 1] = b * y * z - a * x, b * y * z + a * x
+    out[0, 0] = 1.0 - b * (y * y + z * z)
+    out[1, 1] = 1.0 - b * (x * x + z * z)
+    out[2, 2] = 1.0 - b * (x * x + y * y)
+    out[0, 1] = b * x * y - a * z
+    out[1, 0] = b * x * y + a * z
+    out[0, 2] = b * x * z + a * y
+    out[2, 0] = b * x * z - a * y
+    out[1, 2] = b * y * z - a * x
+    out[2, 1] = b * y * z + a * x
     return out
 
 
 @kernel()
 def _increments(t_s, rate, force, begin_s, end_s, first):  # type: ignore[no-untyped-def]
-    count, n = len(begin_s), len(t_s)
-    turn, velocity, way = np.empty((count, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3))
-    w0, w1, f0, f1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    count = len(begin_s)
+    n = len(t_s)
+    turn = np.empty((count, 3, 3))
+    velocity = np.zeros((count, 3))
+    way = np.zeros((count, 3))
+    w0 = np.empty(3)
+    w1 = np.empty(3)
+    f0 = np.empty(3)
+    f1 = np.empty(3)
     for i in range(count):
         k = min(max(first[i], 1), n - 1)
         now = begin_s[i]
@@ -107,14 +120,17 @@ def _increments(t_s, rate, force, begin_s, end_s, first):  # type: ignore[no-unt
             _value(t_s, force, k, then, f1)
             dt = then - now
             half = 0.25 * dt  # of the mean of both rates
-            x, y, z = half * (w0[0] + w1[0]), half * (w0[1] + w1[1]), half * (w0[2] + w1[2])
+            x = half * (w0[0] + w1[0])
+            y = half * (w0[1] + w1[1])
+            z = half * (w0[2] + w1[2])
             middle = turned @ exponential(x, y, z)
             pushed = middle @ (0.5 * (f0 + f1))
             for a in range(3):
                 way[i, a] += velocity[i, a] * dt + 0.5 * pushed[a] * dt * dt
                 velocity[i, a] += pushed[a] * dt
             turned = middle @ exponential(x, y, z)
-            w0[:], f0[:] = w1, f1
+            w0[:] = w1
+            f0[:] = f1
             now = then
             if k < n - 1:
                 k += 1
@@ -148,7 +164,8 @@ class Site:
         About the vertical, the axes of a conformal map turn with the meridians' convergence, which the curvature of
         the parallels cancels.
         """
-        east, north = velocity_mps[:, 0], velocity_mps[:, 1]
+        east = velocity_mps[:, 0]
+        north = velocity_mps[:, 1]
         return self.earth_rate_radps + np.column_stack([-north, east, 0.0 * east]) / self.radius_m
 
     def acceleration_mps2(self, velocity_mps: FloatArray) -> FloatArray:
@@ -195,7 +212,8 @@ class InertialLinks(Observation):
         size = state.layout.size
         computed = predicted(self, knots, state, linked)
         velocity, rate, force = (state.layout.column(block) for block in (VELOCITY, RATE_BIAS, FORCE_BIAS))
-        dt, rotation = KNOT_STEP_S, state.rotation[linked]
+        dt = KNOT_STEP_S
+        rotation = state.rotation[linked]
         stretch = self.site.stretch
 
         turned = Rotation.from_matrix(state.rotation[linked + 1] @ computed.rotation.transpose(0, 2, 1)).as_rotvec()
@@ -207,13 +225,15 @@ class InertialLinks(Observation):
 
         design = np.zeros((3, len(linked), 3, 2 * size))
         turn_rows, velocity_rows, way_rows = design
-        turn_rows[:, :, ROTATION:POSE], turn_rows[:, :, size + ROTATION : size + POSE] = -np.eye(3), np.eye(3)
+        turn_rows[:, :, ROTATION:POSE] = -np.eye(3)
+        turn_rows[:, :, size + ROTATION : size + POSE] = np.eye(3)
         turn_rows[:, :, rate : rate + 3] = dt * rotation
         velocity_rows[:, :, velocity : velocity + 3] = -np.eye(3)
         velocity_rows[:, :, size + velocity : size + velocity + 3] = np.eye(3)
         velocity_rows[:, :, ROTATION:POSE] = cross_matrix(pushed)
         velocity_rows[:, :, force : force + 3] = dt * rotation
-        way_rows[:, :, POSITION_COLUMN:ROTATION], way_rows[:, :, size : size + 3] = -np.eye(3), np.eye(3)
+        way_rows[:, :, POSITION_COLUMN:ROTATION] = -np.eye(3)
+        way_rows[:, :, size : size + 3] = np.eye(3)
         way_rows[:, :, velocity : velocity + 3] = -dt * np.diag(stretch)
         way_rows[:, :, ROTATION:POSE] = cross_matrix(moved + arm)
         way_rows[:, :, size + ROTATION : size + POSE] = -cross_matrix(arm_next)
@@ -257,7 +277,9 @@ def carried_on(
     links: InertialLinks, state: State, knot: NDArray[np.int64], steps: Increments, dt: FloatArray
 ) -> Predicted:
     """The states some time `dt` (k,) after the knots (k,), by the increments of that time."""
-    velocity, rotation, site = state[VELOCITY][knot], state.rotation[knot], links.site
+    velocity = state[VELOCITY][knot]
+    rotation = state.rotation[knot]
+    site = links.site
     fall = site.acceleration_mps2(velocity)
     frame = Rotation.from_rotvec(-site.frame_rate_radps(velocity) * dt[:, None]).as_matrix()
     pushed = np.einsum("kij,kj->ki", rotation, steps.velocity_mps)
@@ -278,7 +300,8 @@ def unbiased_increments(
         first, last = np.searchsorted(track.t_s, (begin_s[0], end_s.max()))
         track = track.part(slice(max(0, int(first) - SAMPLES_BESIDE), int(last) + SAMPLES_BESIDE))
     bias = np.clip(np.searchsorted(knots.t_s, track.t_s, side="right") - 1, 0, len(knots) - 1)
-    rate, force = track.rate_radps - state[RATE_BIAS][bias], track.force_mps2 - state[FORCE_BIAS][bias]
+    rate = track.rate_radps - state[RATE_BIAS][bias]
+    force = track.force_mps2 - state[FORCE_BIAS][bias]
     return increments(track.t_s, rate, force, begin_s, end_s)
 
 
@@ -293,10 +316,13 @@ def add_walk(
     equations: NormalEquations, knots: Knots, state: State, block: StateBlock, walk: float, spread: float
 ) -> None:
     """A random walk from knot to knot, and its spread at the begin of each chain."""
-    linked, size, first = knots.linked, state.layout.size, state.layout.column(block)
+    linked = knots.linked
+    size = state.layout.size
+    first = state.layout.column(block)
     starts = np.array([chain.first for chain in knots.chains])
     row = np.zeros(size + 1)
-    row[0], row[size] = -1.0, 1.0
+    row[0] = -1.0
+    row[size] = 1.0
     design = np.broadcast_to(row, (len(linked), len(row)))
     value = state[block]
     for axis in range(block.size):

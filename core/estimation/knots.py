@@ -101,8 +101,12 @@ class State:
 
     def put(self, chosen: slice, part: "State") -> "State":
         """The state with another one at some knots."""
-        xyz, rotation, added = self.xyz_m.copy(), self.rotation.copy(), self.added.copy()
-        xyz[chosen], rotation[chosen], added[chosen] = part.xyz_m, part.rotation, part.added
+        xyz = self.xyz_m.copy()
+        rotation = self.rotation.copy()
+        added = self.added.copy()
+        xyz[chosen] = part.xyz_m
+        rotation[chosen] = part.rotation
+        added[chosen] = part.added
         return replace(self, xyz_m=xyz, rotation=rotation, added=added)
 
 
@@ -155,7 +159,8 @@ class Knots:
 def knots_over(t_s: NDArray[np.float64], pause_s: float = MAX_SCAN_PAUSE_S) -> Knots:
     """Knots that cover the times (n,), which increase; a new chain begins after each longer pause."""
     # The times before which a chain ends; looked for in parts, since `t_s` may lie in a file.
-    found, lasting = [np.zeros(0, np.int64)], [np.zeros(0)]
+    found = [np.zeros(0, np.int64)]
+    lasting = [np.zeros(0)]
     for begin in range(0, len(t_s) - 1, TIMES_AT_ONCE):
         step_s = np.diff(t_s[begin : begin + TIMES_AT_ONCE + 1])
         at = np.flatnonzero(step_s > pause_s)
@@ -163,8 +168,10 @@ def knots_over(t_s: NDArray[np.float64], pause_s: float = MAX_SCAN_PAUSE_S) -> K
         lasting.append(step_s[at])
     longest = np.argsort(-np.concatenate(lasting), kind="stable")[: MAX_CHAINS - 1]
     pauses = np.sort(np.concatenate(found)[longest])
-    begins, ends = np.concatenate([[0], pauses]), np.append(pauses, len(t_s))
-    chains, first = [], 0
+    begins = np.concatenate([[0], pauses])
+    ends = np.append(pauses, len(t_s))
+    chains = []
+    first = 0
     for begin, end in zip(begins, ends, strict=True):
         count = int(np.ceil((t_s[end - 1] - t_s[begin]) / KNOT_STEP_S)) + 2
         chains.append(Chain(first, count, float(t_s[begin]) - 0.5 * KNOT_STEP_S))
@@ -201,8 +208,12 @@ def _guessed(trajectory: Trajectory, t: FloatArray) -> tuple[FloatArray, FloatAr
     driven = (step > trajectory.max_gap_s) & (motion != Motion.STANDING) & (motion == trajectory.motion[k + 1])
     driven &= np.isfinite(trajectory.speed_mps[k] + trajectory.speed_mps[k + 1])
     if driven.any():
-        k, s, step = k[driven], share[driven, None], step[driven, None]
-        r, begin, end = 1.0 - s, trajectory.xyz_m[k, :2], trajectory.xyz_m[k + 1, :2]
+        k = k[driven]
+        s = share[driven, None]
+        step = step[driven, None]
+        r = 1.0 - s
+        begin = trajectory.xyz_m[k, :2]
+        end = trajectory.xyz_m[k + 1, :2]
         nose = [
             Rotation.from_quat(trajectory.quaternion[j], scalar_first=True).as_matrix()[:, :2, 0] for j in (k, k + 1)
         ]
@@ -243,8 +254,12 @@ def place(t_s, vehicle_m, first, begin_s, step_s, xyz_m, rotation, turn):  # typ
         k = int(part)
         share = part - k
         k += first
-        px, py, pz = vehicle_m[i, 0], vehicle_m[i, 1], vehicle_m[i, 2]
-        wx, wy, wz = share * turn[k, 0], share * turn[k, 1], share * turn[k, 2]
+        px = vehicle_m[i, 0]
+        py = vehicle_m[i, 1]
+        pz = vehicle_m[i, 2]
+        wx = share * turn[k, 0]
+        wy = share * turn[k, 1]
+        wz = share * turn[k, 2]
         px, py, pz = px + wy * pz - wz * py, py + wz * px - wx * pz, pz + wx * py - wy * px
         for a in range(3):
             out[i, a] = (
@@ -289,7 +304,8 @@ class Observation(Protocol):
 
 def normal_equations(observations: Iterable[Observation], knots: Knots, state: State) -> NormalEquations:
     """The equations of all knots at a state."""
-    size, every = state.layout.size, tuple(observations)
+    size = state.layout.size
+    every = tuple(observations)
     equations = NormalEquations(len(knots) * size, max(one.linked for one in every) * size)
     for observation in every:
         observation.add(equations, knots, state)

@@ -69,14 +69,17 @@ class AntennaPositions(Observation):
             residuals; (k, 3) standard deviations by the robust weights.
         """
         k, share, inside = knots.at(self.positions.t_s[part])
-        k, share = k[inside], share[inside, None]
-        size, drift = state.layout.size, state.layout.column(GNSS_DRIFT)
+        k = k[inside]
+        share = share[inside, None]
+        size = state.layout.size
+        drift = state.layout.column(GNSS_DRIFT)
         arm, residual = self._residuals(k, share, self.positions.xyz_m[part][inside], state)
         sigma = self.positions.white_m[part][inside] / np.sqrt(self.weight[part][inside, None])
         design = np.zeros((len(k), 3, 2 * size))
         for first, weight in ((0, 1.0 - share[:, 0]), (size, share[:, 0])):
             for axis in range(3):
-                one, two = (axis + 1) % 3, (axis + 2) % 3
+                one = (axis + 1) % 3
+                two = (axis + 2) % 3
                 design[:, axis, first + POSITION_COLUMN + axis] = weight
                 design[:, axis, first + ROTATION + one] = weight * arm[:, two]
                 design[:, axis, first + ROTATION + two] = -weight * arm[:, one]
@@ -135,7 +138,9 @@ class GnssDrift(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """The process from knot to knot, and its variance at the start of each run."""
-        p, size, drift = self.positions, state.layout.size, state[GNSS_DRIFT]
+        p = self.positions
+        size = state.layout.size
+        drift = state[GNSS_DRIFT]
         nearest = np.clip(np.searchsorted(p.t_s, knots.t_s), 0, len(p.t_s) - 1)
         linked = knots.linked
         on = linked[p.run[nearest[linked]] == p.run[nearest[linked + 1]]]
@@ -144,9 +149,12 @@ class GnssDrift(Observation):
         starts = np.flatnonzero(begins)
         kept = np.exp(-KNOT_STEP_S / self.correlation_s)
         row = np.zeros(size + 1)
-        row[0], row[size] = -kept, 1.0
+        row[0] = -kept
+        row[size] = 1.0
         for axis in range(3):
-            column, value, spread = state.layout.column(GNSS_DRIFT) + axis, drift[:, axis], p.drift_m[:, axis]
+            column = state.layout.column(GNSS_DRIFT) + axis
+            value = drift[:, axis]
+            spread = p.drift_m[:, axis]
             begin = np.ones((len(starts), 1))
             equations.add(starts * size + column, begin, -value[starts], spread[nearest[starts]])
             for part in arrays.parts(len(on)):
@@ -217,7 +225,8 @@ def headings_at_stands(start: Trajectory, knots: Knots, positions: Positions) ->
     out: list[RecordedHeadings] = []
     for chain in knots.chains if len(knots.chains) > 1 else ():
         inside = (positions.t_s >= chain.begin_s) & (positions.t_s <= chain.end_s)
-        en_m, middle_s = positions.xyz_m[inside, :2], np.array([0.5 * (chain.begin_s + chain.end_s)])
+        en_m = positions.xyz_m[inside, :2]
+        middle_s = np.array([0.5 * (chain.begin_s + chain.end_s)])
         sigma_deg = float(np.interp(middle_s[0], start.t_s, start.sigma[:, 5]))
         _, _, heading_deg = start.at(middle_s).attitude_deg()
         if len(en_m) and np.hypot(*np.ptp(en_m, axis=0)) < STANDS_WITHIN_M and np.isfinite(sigma_deg + heading_deg[0]):
@@ -242,7 +251,8 @@ def _add_yaws(
     axis = np.array([np.cos(axis_rad), np.sin(axis_rad), 0.0])
     k, share, inside = knots.at(t_s)
     shown = inside & np.isfinite(yaw_rad)
-    k, share = k[shown], share[shown, None]
+    k = k[shown]
+    share = share[shown, None]
     after = np.minimum(k + 1, len(state.rotation) - 1)
     x, y, z = ((1.0 - share) * (state.rotation[k] @ axis) + share * (state.rotation[after] @ axis)).T
     off = yaw_rad[shown] - np.arctan2(y, x)

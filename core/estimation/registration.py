@@ -119,7 +119,8 @@ def stored(found: Iterable[Patches]) -> list[Patches]:
         rows += len(patches.interval)
         if rows >= MIN_STORED_ROWS:
             out += _stored(waiting)
-            waiting, rows = [], 0
+            waiting = []
+            rows = 0
     return out + waiting
 
 
@@ -213,12 +214,15 @@ def _reduce(  # type: ignore[no-untyped-def]
         for a in range(6):
             whole[a, a] += most * RIDGE
         _factor(whole, most * RIDGE)
-        cx, cy = (place[begin, 0] + 0.5) * patch_m, (place[begin, 1] + 0.5) * patch_m
+        cx = (place[begin, 0] + 0.5) * patch_m
+        cy = (place[begin, 1] + 0.5) * patch_m
         # What remains of the knots' equations without the patch is less Yᵀ Y, with Y = L⁻¹ Mᵀ and L Lᵀ the patch's own.
         moved = np.empty((6, used * 6))
         for u in range(used):
             c = knots[u]
-            dx, dy, dz = cx - centre_m[c, 0], cy - centre_m[c, 1], -centre_m[c, 2]
+            dx = cx - centre_m[c, 0]
+            dy = cy - centre_m[c, 1]
+            dz = -centre_m[c, 2]
             m = sums[u]
             for b in range(6):
                 for a in range(3):
@@ -348,8 +352,12 @@ def _add_slices(size, band, right, linked, normal, slice_right):  # type: ignore
 @kernel_part()
 def plane_row(row, nx, ny, nz, x, y, z):  # type: ignore[no-untyped-def]
     """Set `row` (6,) to (n, p × n): derivatives of a distance along n of a point at p from the pose's place."""
-    row[0], row[1], row[2] = nx, ny, nz
-    row[3], row[4], row[5] = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
+    row[0] = nx
+    row[1] = ny
+    row[2] = nz
+    row[3] = y * nz - z * ny
+    row[4] = z * nx - x * nz
+    row[5] = x * ny - y * nx
 
 
 @kernel_part()

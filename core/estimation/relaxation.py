@@ -41,7 +41,8 @@ class Relaxation:
             square = _around(np.einsum("ij,ij->i", change, change), knots)
             share = np.divide(left, square, out=np.zeros(len(step)), where=square > 0.0)
             factor = np.clip(self._factor * share, 1.0, MAX_STEP_FACTOR)
-        self._moved_m, self._factor = moved, factor
+        self._moved_m = moved
+        self._factor = factor
         step *= factor[:, None]
         return step
 

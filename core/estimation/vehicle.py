@@ -92,11 +92,13 @@ class AlongNose(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """One equation for each two knots."""
-        linked, lasting = knots.linked, np.sqrt(SIDEWAYS_CORRELATION_S / KNOT_STEP_S)
+        linked = knots.linked
+        lasting = np.sqrt(SIDEWAYS_CORRELATION_S / KNOT_STEP_S)
         for part in arrays.parts(len(linked)):
             k = linked[part]
             steps = AxleSteps.from_knots(k, state, state[TRAVEL_YAW][k])
-            before, after = state.rotation[k], state.rotation[k + 1]
+            before = state.rotation[k]
+            after = state.rotation[k + 1]
             turn = np.einsum("ki,ki->k", after[:, :, 0] - before[:, :, 0], before[:, :, 1])
             sigma = np.hypot(
                 lasting * np.hypot(NOSE_SIDEWAYS_SHARE * steps.along_m, AXLE_OFFSET_M * turn), MIN_SIDEWAYS_SIGMA_M
@@ -144,11 +146,13 @@ class AxleSteps:
         size = state.layout.size
         step = state.xyz_m[linked + 1] - state.xyz_m[linked]
         forward, left = (0.5 * (state.rotation[linked, :, a] + state.rotation[linked + 1, :, a]) for a in range(2))
-        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+        cos = np.cos(yaw_rad)
+        sin = np.sin(yaw_rad)
         forward, left = cos * forward + sin * left, cos * left - sin * forward
         length = np.linalg.norm(step, axis=1)
         design = np.zeros((len(linked), size + POSE))
-        design[:, :ROTATION], design[:, size : size + ROTATION] = -left, left
+        design[:, :ROTATION] = -left
+        design[:, size : size + ROTATION] = left
         design[:, ROTATION:POSE] = design[:, size + ROTATION :] = 0.5 * np.cross(left, step)
         sigma = np.hypot(SLIP * length * np.sqrt(SLIP_EVERY_S / KNOT_STEP_S), MIN_SLIP_SIGMA_M)
         return cls(np.einsum("ij,ij->i", step, forward), np.einsum("ij,ij->i", step, left), sigma, design)
@@ -184,7 +188,8 @@ class Standing(Observation):
             square = np.add.reduceat(values**2, first) / count[:, None]
             scatter = np.sqrt(np.maximum((square - mean**2).sum(axis=1), 0.0))
             quiet &= scatter < share * np.median(scatter[usual])
-        starts, ends = [], []
+        starts = []
+        ends = []
         k = 0
         while k < len(number):
             stop = k
@@ -250,9 +255,12 @@ class MotionPrior(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Six equations for each three knots."""
-        every, size = knots.inner, state.layout.size
+        every = knots.inner
+        size = state.layout.size
         row = np.zeros(2 * size + 1)
-        row[0], row[size], row[2 * size] = 1.0, -2.0, 1.0
+        row[0] = 1.0
+        row[size] = -2.0
+        row[2 * size] = 1.0
         for part in arrays.parts(len(every)):
             inner = every[part]
             design = np.broadcast_to(row, (len(inner), len(row)))

@@ -99,16 +99,20 @@ def break_points(xyz_m: FloatArray) -> BreakPoints:
         for order in ((2, 0), (1, 1), (0, 2))
     )
     # the eigenvalue of greatest magnitude, and its unit vector
-    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    mean = 0.5 * (xx + yy)
+    half = np.hypot(0.5 * (xx - yy), xy)
     curvature = np.where(mean >= 0.0, mean + half, mean - half)
     angle = 0.5 * np.arctan2(2.0 * xy, xx - yy) + np.where(mean >= 0.0, 0.0, 0.5 * np.pi)
     across = np.array([np.cos(angle), np.sin(angle)])
     column, row = np.nonzero(binary_dilation(known) & (np.abs(curvature) >= MIN_CURVATURE))
-    at, way = np.array([column, row]), across[:, column, row]
+    at = np.array([column, row])
+    way = across[:, column, row]
     own = curvature[column, row]
     beside = [map_coordinates(curvature, at + sign * way, order=1, mode="nearest") for sign in (-1.0, 1.0)]
     top = (np.sign(own) * beside[0] <= np.abs(own)) & (np.sign(own) * beside[1] < np.abs(own))
-    at, way, own = at[:, top], way[:, top], own[top]
+    at = at[:, top]
+    way = way[:, top]
+    own = own[top]
     level = ground[tuple(at)]
     rise = np.zeros((2, len(own)))
     if len(own):
@@ -160,7 +164,8 @@ def _longest_path(tree: Any) -> IntArray:
     """The longest path in a tree: from the node farthest from any to that farthest from it."""
     first = last = 0
     for _ in range(2):
-        first, last = last, int(np.argmax(dijkstra(tree, directed=False, indices=np.array([last]))))
+        first = last
+        last = int(np.argmax(dijkstra(tree, directed=False, indices=np.array([last]))))
     _, before = breadth_first_order(tree, first, directed=False)
     path = [last]
     while path[-1] != first:

@@ -57,7 +57,9 @@ def _group(xyz_m, cell_m, low, across):  # type: ignore[no-untyped-def]
     n = len(xyz_m)
     bits = 10
     table = np.full(1 << bits, -1, np.int64)
-    keys, count, sums = np.empty(1024, np.int64), np.zeros(1024, np.int64), np.zeros((1024, 3))
+    keys = np.empty(1024, np.int64)
+    count = np.zeros(1024, np.int64)
+    sums = np.zeros((1024, 3))
     of_point = np.empty(n, np.int64)
     held = 0
     corner = low * cell_m
@@ -71,10 +73,15 @@ def _group(xyz_m, cell_m, low, across):  # type: ignore[no-untyped-def]
         at = table[slot]
         if at < 0:
             if held == len(keys):
-                more_keys, more_count = np.empty(2 * held, np.int64), np.zeros(2 * held, np.int64)
+                more_keys = np.empty(2 * held, np.int64)
+                more_count = np.zeros(2 * held, np.int64)
                 more_sums = np.zeros((2 * held, 3))
-                more_keys[:held], more_count[:held], more_sums[:held] = keys, count, sums
-                keys, count, sums = more_keys, more_count, more_sums
+                more_keys[:held] = keys
+                more_count[:held] = count
+                more_sums[:held] = sums
+                keys = more_keys
+                count = more_count
+                sums = more_sums
             at = held
             keys[at] = key
             table[slot] = at
@@ -100,7 +107,8 @@ MIN_VOTING_VOXELS: Final = 8
 GREEN: Final = (0.1, 0.4)
 """Excess green index (2g - r - b) / (r + g + b) of what may be, and of what is green vegetation (Woebbecke et al. 1995,
 Transactions of the ASAE 38, 259-269)."""
-LEAF_AS_OBJECT, OBJECT_AS_LEAF = 0.5, 0.6
+LEAF_AS_OBJECT = 0.5
+OBJECT_AS_LEAF = 0.6
 """Weight of planes and lines that are all green, and of scatter that is not green at all."""
 COLOUR_SCALE: Final = 0.1
 """Preference for larger segments, in colours of which black and white differ by 1."""
@@ -160,20 +168,29 @@ def colour_segments(xyz_m: FloatArray, rgb: FloatArray, reach_m: float) -> IntAr
 @kernel()
 def _edges(xyz, starts, reach, across, rows, colour):  # type: ignore[no-untyped-def]
     """Pairs of near points, and how their colours differ."""
-    first, second, weight = [0 for _ in range(0)], [0 for _ in range(0)], [0.0 for _ in range(0)]
+    first = [0 for _ in range(0)]
+    second = [0 for _ in range(0)]
+    weight = [0.0 for _ in range(0)]
     for i in range(len(xyz)):
-        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        column, row = int(x // reach), int(y // reach)
+        x = xyz[i, 0]
+        y = xyz[i, 1]
+        z = xyz[i, 2]
+        column = int(x // reach)
+        row = int(y // reach)
         for beside in range(column, min(column + 2, across)):
             for near in range(max(row - 1, 0), min(row + 2, rows)):
-                begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                begin = starts[beside * rows + near]
+                end = starts[beside * rows + near + 1]
                 for j in range(first_above(xyz, begin, end, z - reach), end):
                     c = xyz[j, 2] - z
                     if c > reach:
                         break
-                    a, b = xyz[j, 0] - x, xyz[j, 1] - y
+                    a = xyz[j, 0] - x
+                    b = xyz[j, 1] - y
                     if j > i and a * a + b * b + c * c <= reach * reach:
-                        r, g, h = colour[j, 0] - colour[i, 0], colour[j, 1] - colour[i, 1], colour[j, 2] - colour[i, 2]
+                        r = colour[j, 0] - colour[i, 0]
+                        g = colour[j, 1] - colour[i, 1]
+                        h = colour[j, 2] - colour[i, 2]
                         first.append(i)
                         second.append(j)
                         weight.append(np.sqrt((r * r + g * g + h * h) / 3.0))
@@ -183,9 +200,12 @@ def _edges(xyz, starts, reach, across, rows, colour):  # type: ignore[no-untyped
 @kernel()
 def _merge_segments(a, b, weight, n, scale):  # type: ignore[no-untyped-def]
     """Segments of a graph whose edges are sorted by weight."""
-    parent, size, most = np.arange(n), np.ones(n, np.int64), np.full(n, scale)
+    parent = np.arange(n)
+    size = np.ones(n, np.int64)
+    most = np.full(n, scale)
     for k in range(len(a)):
-        i, j = a[k], b[k]
+        i = a[k]
+        j = b[k]
         while parent[i] != i:
             parent[i] = parent[parent[i]]
             i = parent[i]
@@ -343,9 +363,11 @@ def _find_ground_planes(tile: FeatureTile, ground: BoolArray, fine: Voxels, foun
     pending = [plane for plane in found if plane.normal[2] >= MIN_LEVEL_NORMAL and plane.purity >= MIN_LEVEL_PURITY]
     if not pending or not ground.any():
         return of_ground
-    side, reach = 2.0 * tile.cell_m, max(GROUND_STEP_M, 4.0 * tile.cell_m)
+    side = 2.0 * tile.cell_m
+    reach = max(GROUND_STEP_M, 4.0 * tile.cell_m)
     # the ground points in the boxes of planes and a margin around them
-    ground_m, margin_m = tile.xyz_m[ground], reach + side
+    ground_m = tile.xyz_m[ground]
+    margin_m = reach + side
     ends = [bounds(fine.mean_m[plane.members]) for plane in pending]
     boxes = np.array([[*(low - margin_m), *(high + margin_m)] for low, high in ends])
     touched = voxels(ground_m[_in_boxes(ground_m, boxes)], side).mean_m
@@ -408,7 +430,8 @@ def _find_bars(
     open_planes = find_planes(xyz_m, widest, cell_m, tolerance_m, 6.0 * cell_m, fill=(0.0, math.inf))
     fences = []
     for plane in open_planes:
-        members, axes = plane.members, np.column_stack(axes_of(plane.normal))
+        members = plane.members
+        axes = np.column_stack(axes_of(plane.normal))
         flat, _ = plane.flat(xyz_m[members])
         long = np.ptp(flat[:, 0]) >= MIN_FENCE_LENGTH_M and abs(plane.normal[2]) < MAX_FENCE_NORMAL
         if long and plane.purity - _purity_error(plane) >= MIN_FENCE_PURITY:

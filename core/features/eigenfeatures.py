@@ -18,7 +18,8 @@ from furrowmap.core.runtime.kernels import kernel
 
 COLUMNS_A_RADIUS: Final = 2.0
 """Narrower columns leave out more of what is outside of the sphere, but have few points at a time."""
-NORMAL_AT, DIRECTION_AT = np.int64(3), np.int64(6)
+NORMAL_AT = np.int64(3)
+DIRECTION_AT = np.int64(6)
 
 
 @dataclass(frozen=True)
@@ -78,22 +79,29 @@ def _shapes(places, order, xyz, starts, side, across, rows, radii, out, count): 
         radius = radii[shell]
         square = radius * radius
         for i in order:
-            x, y, z = places[i, 0], places[i, 1], places[i, 2]
+            x = places[i, 0]
+            y = places[i, 1]
+            z = places[i, 2]
             k = sx = sy = sz = xx = yy = zz = xy = xz = yz = 0.0
-            first, last = max(int((x - radius) // side), 0), min(int((x + radius) // side), across - 1)
+            first = max(int((x - radius) // side), 0)
+            last = min(int((x + radius) // side), across - 1)
             for column in range(first, last + 1):
                 aside = max(column * side - x, x - (column + 1) * side, 0.0)
                 # Somewhat more, so that rounding loses no neighbour: what is too far away is sorted out below.
                 reach = np.sqrt(max(1.000001 * square - aside * aside, 0.0))
-                least, most = max(int((y - reach) // side), 0), min(int((y + reach) // side), rows - 1)
+                least = max(int((y - reach) // side), 0)
+                most = min(int((y + reach) // side), rows - 1)
                 for row in range(least, most + 1):
-                    begin, end = starts[column * rows + row], starts[column * rows + row + 1]
+                    begin = starts[column * rows + row]
+                    end = starts[column * rows + row + 1]
                     if begin < end and xyz[begin, 2] < z - reach:
                         begin = first_above(xyz, begin, end, z - reach)
                     if begin < end and xyz[end - 1, 2] > z + reach:
                         end = first_above(xyz, begin, end, z + reach)
                     for j in range(begin, end):  # without branches, so that the compiler makes vectors of it
-                        a, b, c = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
+                        a = xyz[j, 0] - x
+                        b = xyz[j, 1] - y
+                        c = xyz[j, 2] - z
                         near = 1.0 if a * a + b * b + c * c <= square else 0.0
                         k += near
                         sx += near * a
@@ -107,8 +115,12 @@ def _shapes(places, order, xyz, starts, side, across, rows, radii, out, count): 
                         yz += near * b * c
             count[shell, i] = k
             if k >= 3.0:
-                moments[0], moments[1], moments[2] = xx - sx * sx / k, yy - sy * sy / k, zz - sz * sz / k
-                moments[3], moments[4], moments[5] = xy - sx * sy / k, xz - sx * sz / k, yz - sy * sz / k
+                moments[0] = xx - sx * sx / k
+                moments[1] = yy - sy * sy / k
+                moments[2] = zz - sz * sz / k
+                moments[3] = xy - sx * sy / k
+                moments[4] = xz - sx * sz / k
+                moments[5] = yz - sy * sz / k
                 eigen(moments, k, out[shell, i])
 
 
@@ -119,22 +131,37 @@ def eigen(moments, k, out):  # type: ignore[no-untyped-def]
     `moments` are xx, yy, zz, xy, xz, yz summed over k points. Closed form after O. K. Smith (1961), Eigenvalues of a
     symmetric 3 x 3 matrix, Communications of the ACM 4, 168.
     """
-    a, b, c = moments[0] / k, moments[1] / k, moments[2] / k
-    d, e, f = moments[3] / k, moments[4] / k, moments[5] / k
+    a = moments[0] / k
+    b = moments[1] / k
+    c = moments[2] / k
+    d = moments[3] / k
+    e = moments[4] / k
+    f = moments[5] / k
     mean = (a + b + c) / 3.0
     if not mean > 0.0:
         return
-    a0, b0, c0 = a - mean, b - mean, c - mean
+    a0 = a - mean
+    b0 = b - mean
+    c0 = c - mean
     p = np.sqrt((a0 * a0 + b0 * b0 + c0 * c0 + 2.0 * (d * d + e * e + f * f)) / 6.0)
     if p < 1e-12 * mean:
-        out[0], out[1], out[2] = mean, mean, mean
-        out[3], out[4], out[5], out[6], out[7], out[8] = 0.0, 0.0, 1.0, 1.0, 0.0, 0.0
+        out[0] = mean
+        out[1] = mean
+        out[2] = mean
+        out[3] = 0.0
+        out[4] = 0.0
+        out[5] = 1.0
+        out[6] = 1.0
+        out[7] = 0.0
+        out[8] = 0.0
         return
     half = (a0 * (b0 * c0 - f * f) - d * (d * c0 - f * e) + e * (d * f - b0 * e)) / (2.0 * p * p * p)
     angle = np.arccos(min(1.0, max(-1.0, half))) / 3.0
     greatest = mean + 2.0 * p * np.cos(angle)
     least = max(mean + 2.0 * p * np.cos(angle + 2.0943951023931953), 0.0)
-    out[0], out[1], out[2] = greatest, max(3.0 * mean - greatest - least, least), least
+    out[0] = greatest
+    out[1] = max(3.0 * mean - greatest - least, least)
+    out[2] = least
     if out[1] - out[2] > 1e-7 * greatest:
         _vector(a, b, c, d, e, f, least, out, NORMAL_AT)
         if greatest - out[1] > 1e-7 * greatest:
@@ -149,25 +176,48 @@ def eigen(moments, k, out):  # type: ignore[no-untyped-def]
 @kernel()
 def _vector(a, b, c, d, e, f, value, out, at):  # type: ignore[no-untyped-def]
     """Unit eigenvector for an eigenvalue, upwards: the longest cross product of two rows."""
-    ax, by, cz = a - value, b - value, c - value
-    x1, y1, z1 = d * f - e * by, e * d - ax * f, ax * by - d * d
-    x2, y2, z2 = d * cz - e * f, e * e - ax * cz, ax * f - d * e
-    x3, y3, z3 = by * cz - f * f, f * e - d * cz, d * f - by * e
-    n1, n2, n3 = x1 * x1 + y1 * y1 + z1 * z1, x2 * x2 + y2 * y2 + z2 * z2, x3 * x3 + y3 * y3 + z3 * z3
+    ax = a - value
+    by = b - value
+    cz = c - value
+    x1 = d * f - e * by
+    y1 = e * d - ax * f
+    z1 = ax * by - d * d
+    x2 = d * cz - e * f
+    y2 = e * e - ax * cz
+    z2 = ax * f - d * e
+    x3 = by * cz - f * f
+    y3 = f * e - d * cz
+    z3 = d * f - by * e
+    n1 = x1 * x1 + y1 * y1 + z1 * z1
+    n2 = x2 * x2 + y2 * y2 + z2 * z2
+    n3 = x3 * x3 + y3 * y3 + z3 * z3
     if n2 > n1 and n2 >= n3:
-        x1, y1, z1, n1 = x2, y2, z2, n2
+        x1 = x2
+        y1 = y2
+        z1 = z2
+        n1 = n2
     elif n3 > n1:
-        x1, y1, z1, n1 = x3, y3, z3, n3
+        x1 = x3
+        y1 = y3
+        z1 = z3
+        n1 = n3
     scale = 1.0 / np.sqrt(n1) * (-1.0 if z1 < 0.0 else 1.0)
-    out[at], out[at + 1], out[at + 2] = x1 * scale, y1 * scale, z1 * scale
+    out[at] = x1 * scale
+    out[at + 1] = y1 * scale
+    out[at + 2] = z1 * scale
 
 
 @kernel()
 def _beside(out, given, at):  # type: ignore[no-untyped-def]
     """A unit vector at right angles to that at `given`, as level as can be."""
-    x, y = out[given], out[given + 1]
+    x = out[given]
+    y = out[given + 1]
     flat = np.sqrt(x * x + y * y)
     if flat > 1e-3:
-        out[at], out[at + 1], out[at + 2] = -y / flat, x / flat, 0.0
+        out[at] = -y / flat
+        out[at + 1] = x / flat
+        out[at + 2] = 0.0
     else:
-        out[at], out[at + 1], out[at + 2] = 1.0, 0.0, 0.0
+        out[at] = 1.0
+        out[at + 1] = 0.0
+        out[at + 2] = 0.0

@@ -115,14 +115,19 @@ def _hidden_cells(
 @kernel()
 def _scatter_in_columns(xyz_m, cell, corner, known, parts):  # type: ignore[no-untyped-def]
     """Sum of squared distances from the plane of each column of a cell, and degrees of freedom, by cell."""
-    side, (columns, rows) = MEDIAN_CELL_M / parts, known.shape
+    side = MEDIAN_CELL_M / parts
+    columns, rows = known.shape
     sums = np.zeros((columns * parts, rows * parts, 10))
     for i in range(len(cell)):
         above = xyz_m[i, 2] - known[cell[i] // rows, cell[i] % rows]
         if abs(above) <= LAYER_M:
-            x, y = xyz_m[i, 0] / side - corner[0] * parts, xyz_m[i, 1] / side - corner[1] * parts
-            j, k = int(x), int(y)
-            x, y, z = x - j, y - k, above
+            x = xyz_m[i, 0] / side - corner[0] * parts
+            y = xyz_m[i, 1] / side - corner[1] * parts
+            j = int(x)
+            k = int(y)
+            x = x - j
+            y = y - k
+            z = above
             own = sums[j, k]
             own[0] += 1.0
             own[1] += x
@@ -134,13 +139,18 @@ def _scatter_in_columns(xyz_m, cell, corner, known, parts):  # type: ignore[no-u
             own[7] += x * z
             own[8] += y * z
             own[9] += z * z
-    squares, count = np.zeros((columns, rows)), np.zeros((columns, rows))
+    squares = np.zeros((columns, rows))
+    count = np.zeros((columns, rows))
     for j in range(columns * parts):
         for k in range(rows * parts):
             n, x, y, z, xx, xy, yy, xz, yz, zz = sums[j, k]
             if n > 3.0:
-                xx, xy, yy = xx - x * x / n, xy - x * y / n, yy - y * y / n
-                xz, yz, zz = xz - x * z / n, yz - y * z / n, zz - z * z / n
+                xx = xx - x * x / n
+                xy = xy - x * y / n
+                yy = yy - y * y / n
+                xz = xz - x * z / n
+                yz = yz - y * z / n
+                zz = zz - z * z / n
                 area = xx * yy - xy * xy
                 if area > 1e-4 * n * n:
                     squares[j // parts, k // parts] += zz - (yy * xz * xz - 2.0 * xy * xz * yz + xx * yz * yz) / area
@@ -153,7 +163,8 @@ def cells_of(xyz_m, corner, cell_m, rows):  # type: ignore[no-untyped-def]
     """Number (n,) of the cell of each point (n, 3), row by row of each column; `corner` (2,) is counted in cells."""
     out = np.empty(len(xyz_m), np.int64)
     for i in range(len(xyz_m)):
-        column, row = np.floor(xyz_m[i, 0] / cell_m) - corner[0], np.floor(xyz_m[i, 1] / cell_m) - corner[1]
+        column = np.floor(xyz_m[i, 0] / cell_m) - corner[0]
+        row = np.floor(xyz_m[i, 1] / cell_m) - corner[1]
         out[i] = int(column) * rows + int(row)
     return out
 
@@ -166,8 +177,10 @@ def _above(xyz_m, corner, surface):  # type: ignore[no-untyped-def]
     for i in range(len(xyz_m)):
         u = min(max(xyz_m[i, 0] / MEDIAN_CELL_M - corner[0] - 0.5, 0.0), columns - 1.0)
         v = min(max(xyz_m[i, 1] / MEDIAN_CELL_M - corner[1] - 0.5, 0.0), rows - 1.0)
-        j, k = min(int(u), columns - 2), min(int(v), rows - 2)
-        s, t = u - j, v - k
+        j = min(int(u), columns - 2)
+        k = min(int(v), rows - 2)
+        s = u - j
+        t = v - k
         near = (1.0 - t) * surface[j, k] + t * surface[j, k + 1]
         far = (1.0 - t) * surface[j + 1, k] + t * surface[j + 1, k + 1]
         out[i] = xyz_m[i, 2] - ((1.0 - s) * near + s * far)
@@ -197,7 +210,8 @@ def _medians_of(cell, values, cells):  # type: ignore[no-untyped-def]
         starts[cell[i] + 1] += 1
     for k in range(cells):
         starts[k + 1] += starts[k]
-    place, by_cell = starts[:-1].copy(), np.empty(len(cell))
+    place = starts[:-1].copy()
+    by_cell = np.empty(len(cell))
     for i in range(len(cell)):
         by_cell[place[cell[i]]] = values[i]
         place[cell[i]] += 1

@@ -68,7 +68,8 @@ def find_lines(
     linear = np.flatnonzero(linearity >= MIN_LINEARITY)
     if len(linear) < 3:
         return []
-    axis_m, gap_m = max(MAX_AXIS_DISTANCE_M, 1.2 * cell_m), max(MAX_LINE_GAP_M, 6.0 * cell_m)
+    axis_m = max(MAX_AXIS_DISTANCE_M, 1.2 * cell_m)
+    gap_m = max(MAX_LINE_GAP_M, 6.0 * cell_m)
     near = sort_into_columns(xyz_m[linear], gap_m)
     along = direction[linear][near.order].astype(np.float64)
     a, b = _links(
@@ -141,11 +142,15 @@ def _fit_line(
         return None
     good = pure | (in_slot == 0)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
-    begin, end = edges[::2], edges[1::2]
+    begin = edges[::2]
+    end = edges[1::2]
     k = int(np.argmax(end - begin))
-    first, last = int(begin[k]), int(end[k]) - 1
+    first = int(begin[k])
+    last = int(end[k]) - 1
     kept = (slot >= first) & (slot <= last)
-    own, members, s = xyz_m[members[kept]], members[kept], s[kept]
+    own = xyz_m[members[kept]]
+    members = members[kept]
+    s = s[kept]
     if len(own) < 4:
         return None
     middle = own.mean(axis=0)
@@ -173,28 +178,39 @@ def course(own: FloatArray, s: FloatArray, step: float) -> tuple[FloatArray, flo
 @kernel()
 def _links(xyz, starts, reach, across, rows, direction, axis_m, least_cosine):  # type: ignore[no-untyped-def]
     """Pairs of sorted points that are one line: near, of one direction, each on the axis of the other."""
-    first, second = [0 for _ in range(0)], [0 for _ in range(0)]
+    first = [0 for _ in range(0)]
+    second = [0 for _ in range(0)]
     for i in range(len(xyz)):
-        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        u, v, w = direction[i, 0], direction[i, 1], direction[i, 2]
-        column, row = int(x // reach), int(y // reach)
+        x = xyz[i, 0]
+        y = xyz[i, 1]
+        z = xyz[i, 2]
+        u = direction[i, 0]
+        v = direction[i, 1]
+        w = direction[i, 2]
+        column = int(x // reach)
+        row = int(y // reach)
         for beside in range(max(column - 1, 0), min(column + 2, across)):
             for near in range(max(row - 1, 0), min(row + 2, rows)):
-                begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                begin = starts[beside * rows + near]
+                end = starts[beside * rows + near + 1]
                 for j in range(first_above(xyz, begin, end, z - reach), end):
                     c = xyz[j, 2] - z
                     if c > reach:
                         break
                     if j <= i:
                         continue
-                    a, b = xyz[j, 0] - x, xyz[j, 1] - y
+                    a = xyz[j, 0] - x
+                    b = xyz[j, 1] - y
                     square = a * a + b * b + c * c
                     if square > reach * reach:
                         continue
-                    p, q, r = direction[j, 0], direction[j, 1], direction[j, 2]
+                    p = direction[j, 0]
+                    q = direction[j, 1]
+                    r = direction[j, 2]
                     if abs(u * p + v * q + w * r) < least_cosine:
                         continue
-                    s, t = a * u + b * v + c * w, a * p + b * q + c * r
+                    s = a * u + b * v + c * w
+                    t = a * p + b * q + c * r
                     if max(square - s * s, square - t * t) <= axis_m * axis_m:
                         first.append(i)
                         second.append(j)
@@ -206,17 +222,22 @@ def _nearest_axis(at, xyz, starts, reach, across, rows, direction, axis_m):  # t
     """The sorted point whose axis runs nearest to each place; -1 where none does within `axis_m`."""
     out = np.full(len(at), -1, np.int64)
     for i in range(len(at)):
-        x, y, z = at[i, 0], at[i, 1], at[i, 2]
-        column, row = int(x // reach), int(y // reach)
+        x = at[i, 0]
+        y = at[i, 1]
+        z = at[i, 2]
+        column = int(x // reach)
+        row = int(y // reach)
         best = axis_m * axis_m
         for beside in range(max(column - 1, 0), min(column + 2, across)):
             for near in range(max(row - 1, 0), min(row + 2, rows)):
-                begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                begin = starts[beside * rows + near]
+                end = starts[beside * rows + near + 1]
                 for j in range(first_above(xyz, begin, end, z - reach), end):
                     c = xyz[j, 2] - z
                     if c > reach:
                         break
-                    a, b = xyz[j, 0] - x, xyz[j, 1] - y
+                    a = xyz[j, 0] - x
+                    b = xyz[j, 1] - y
                     square = a * a + b * b + c * c
                     if square > reach * reach:
                         continue
@@ -232,17 +253,23 @@ def _disturbing(own, xyz, starts, reach, across, rows, corner, calm, of_line, nu
     """Number of points around each of a line's own that are neither its own nor linear, each shared among those."""
     out = np.zeros(len(own))
     for i in range(len(own)):
-        x, y, z = own[i, 0] - corner[0], own[i, 1] - corner[1], own[i, 2] - corner[2]
-        column, row = int(x // reach), int(y // reach)
-        others, ours = 0, 0
+        x = own[i, 0] - corner[0]
+        y = own[i, 1] - corner[1]
+        z = own[i, 2] - corner[2]
+        column = int(x // reach)
+        row = int(y // reach)
+        others = 0
+        ours = 0
         for beside in range(max(column - 1, 0), min(column + 2, across)):
             for near in range(max(row - 1, 0), min(row + 2, rows)):
-                begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                begin = starts[beside * rows + near]
+                end = starts[beside * rows + near + 1]
                 for j in range(first_above(xyz, begin, end, z - reach), end):
                     c = xyz[j, 2] - z
                     if c > reach:
                         break
-                    a, b = xyz[j, 0] - x, xyz[j, 1] - y
+                    a = xyz[j, 0] - x
+                    b = xyz[j, 1] - y
                     if a * a + b * b + c * c <= reach * reach:
                         if of_line[j] == number:
                             ours += 1

@@ -51,7 +51,8 @@ def sort_into_columns(xyz_m: FloatArray, side_m: float) -> PointColumns:
 def _sort_columns(xyz_m, corner, side_m, across, rows):  # type: ignore[no-untyped-def]
     """Order by column, then height; first point of each column. Points of one height keep their order."""
     n = len(xyz_m)
-    number, order = np.empty(n, np.int64), np.empty(n, np.int64)
+    number = np.empty(n, np.int64)
+    order = np.empty(n, np.int64)
     starts = np.zeros(across * rows + 1, np.int64)
     for i in range(n):
         number[i] = int((xyz_m[i, 0] - corner[0]) // side_m) * rows + int((xyz_m[i, 1] - corner[1]) // side_m)
@@ -66,15 +67,20 @@ def _sort_columns(xyz_m, corner, side_m, across, rows):  # type: ignore[no-untyp
     for k in range(n):
         height[k] = xyz_m[order[k], 2]
     for k in range(across * rows):
-        begin, end = starts[k], starts[k + 1]
+        begin = starts[k]
+        end = starts[k + 1]
         gap = 1 if end - begin <= INSERTED else (end - begin) * 5 // 11
         while gap > 0:  # Shell's sort
             for i in range(begin + gap, end):
-                z, one, j = height[i], order[i], i - gap
+                z = height[i]
+                one = order[i]
+                j = i - gap
                 while j >= begin and (height[j] > z or (height[j] == z and order[j] > one)):
-                    height[j + gap], order[j + gap] = height[j], order[j]
+                    height[j + gap] = height[j]
+                    order[j + gap] = order[j]
                     j -= gap
-                height[j + gap], order[j + gap] = z, one
+                height[j + gap] = z
+                order[j + gap] = one
             gap = 1 if gap == 2 else gap * 5 // 11
     return order, starts
 

@@ -111,7 +111,8 @@ def outline_plane(
     new[1:] = (np.diff(cell[:, 0]) != 0) | (np.diff(cell[:, 1]) > 2)
     begin = np.flatnonzero(new)
     end = np.append(begin[1:], len(cell)) - 1
-    low, high = cell[begin] * side_m, (cell[end] + 1) * side_m
+    low = cell[begin] * side_m
+    high = (cell[end] + 1) * side_m
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves the flags of parallel edges behind
         whole = shapely.union_all(boxes).buffer(side_m, join_style="mitre").buffer(-side_m, join_style="mitre")
@@ -165,7 +166,8 @@ def _is_same_line(a: LineObject, b: LineObject) -> bool:
     axis, along = (_unit(path[-1] - path[0]) for path in (one, other))
     if abs(float(axis @ along)) < MIN_COURSE_COSINE:
         return False
-    s, t = one @ axis, other @ axis
+    s = one @ axis
+    t = other @ axis
     gap = max(float(t.min() - s.max()), float(s.min() - t.max()))
     if gap <= 0.0:
         return _over(a, b)
@@ -181,7 +183,8 @@ def _over(a: LineObject, b: LineObject) -> bool:
     path = shapely.get_coordinates(long.shape, include_z=True)
     place = shapely.get_coordinates(shapely.segmentize(short.shape, 0.5), include_z=True)
     axis = _unit(path[-1] - path[0])
-    s, at = path @ axis, place @ axis
+    s = path @ axis
+    at = place @ axis
     beside = (at >= s.min()) & (at <= s.max())
     order = np.argsort(s)
     on = np.column_stack([np.interp(at[beside], s[order], path[order, k]) for k in range(3)])
@@ -214,7 +217,8 @@ def line_objects(lines: Iterable[tuple[DetectedLine, int, float]]) -> list[LineO
     """Poles and wires of lines, each with its number of points and the height of the ground below."""
     out = []
     for line, points, base_m in lines:
-        low, high = line.path_m[:, 2].min(), line.path_m[:, 2].max()
+        low = line.path_m[:, 2].min()
+        high = line.path_m[:, 2].max()
         height = high - min(low, base_m) if line.upright else line.path_m[:, 2].mean() - base_m
         out.append(LineObject("pole" if line.upright else "wire", shapely.LineString(line.path_m), height, points))
     return out
@@ -293,7 +297,8 @@ class Plants:
 def plants(xyz_m: FloatArray, above_m: FloatArray) -> Plants:
     """Plants in scatter points (n, 3) at heights (n,) above the ground."""
     tall = above_m >= 0.5 * MIN_PLANT_HEIGHT_M
-    xyz, above = xyz_m[tall], above_m[tall]
+    xyz = xyz_m[tall]
+    above = above_m[tall]
     if not len(xyz):
         return Plants.none()
     column = np.floor(xyz[:, :2] / CROWN_CELL_M).astype(np.int64)

@@ -135,8 +135,10 @@ def _measure_plane(
     sorted_m: PointColumns, region: IntArray, fit: _PlaneFit, scale_m: tuple[float, float], fill: tuple[float, float]
 ) -> Plane | None:
     """The plane of a region of sorted voxels of a size, with a tolerance; None if small, too open or filled."""
-    (cell_m, tolerance_m), (centre_m, normal, rms_m) = scale_m, fit
-    axes, centre = np.stack([*axes_of(normal), normal]), centre_m - sorted_m.corner_m
+    cell_m, tolerance_m = scale_m
+    centre_m, normal, rms_m = fit
+    axes = np.stack([*axes_of(normal), normal])
+    centre = centre_m - sorted_m.corner_m
     own = sorted_m.xyz_m[region]
     flat = (own - centre) @ axes[:2].T
     corner, end = bounds(flat)
@@ -162,8 +164,10 @@ def _raster(flat, corner, end, cell_m):  # type: ignore[no-untyped-def]
     """
     n = len(flat)
     reach = 2.0 * cell_m
-    columns, rows = int((end[0] - corner[0]) / reach) + 1, int((end[1] - corner[1]) / reach) + 1
-    number, order = np.empty(n, np.int64), np.empty(n, np.int64)
+    columns = int((end[0] - corner[0]) / reach) + 1
+    rows = int((end[1] - corner[1]) / reach) + 1
+    number = np.empty(n, np.int64)
+    order = np.empty(n, np.int64)
     starts = np.zeros(columns * rows + 1, np.int64)
     for i in range(n):
         number[i] = int((flat[i, 0] - corner[0]) / reach) * rows + int((flat[i, 1] - corner[1]) / reach)
@@ -180,11 +184,13 @@ def _raster(flat, corner, end, cell_m):  # type: ignore[no-untyped-def]
     for m in range(len(fourth)):
         i = m * every
         best[:] = reach * reach
-        column, row = number[i] // rows, number[i] % rows
+        column = number[i] // rows
+        row = number[i] % rows
         for beside in range(max(column - 1, 0), min(column + 2, columns)):
             # The rows of a column lie one after another.
             for k in range(starts[beside * rows + max(row - 1, 0)], starts[beside * rows + min(row + 2, rows)]):
-                a, b = flat[order[k], 0] - flat[i, 0], flat[order[k], 1] - flat[i, 1]
+                a = flat[order[k], 0] - flat[i, 0]
+                b = flat[order[k], 1] - flat[i, 1]
                 away = a * a + b * b
                 if away < best[4]:
                     at = 4
@@ -196,11 +202,13 @@ def _raster(flat, corner, end, cell_m):  # type: ignore[no-untyped-def]
     sort_in_place(fourth)
     middle = 0.5 * (fourth[(len(fourth) - 1) // 2] + fourth[len(fourth) // 2])
     side = min(max(1.5 * middle, 2.0 * cell_m), 3.0 * cell_m)
-    columns, rows = int((end[0] - corner[0]) / side) + 1, int((end[1] - corner[1]) / side) + 1
+    columns = int((end[0] - corner[0]) / side) + 1
+    rows = int((end[1] - corner[1]) / side) + 1
     filled = np.zeros((columns, rows), np.bool_)
     for i in range(n):
         filled[int((flat[i, 0] - corner[0]) / side), int((flat[i, 1] - corner[1]) / side)] = True
-    own, around = 0, 0
+    own = 0
+    around = 0
     for column in range(columns):
         for row in range(rows):
             if filled[column, row]:
@@ -229,24 +237,33 @@ def _in_slab(xyz, starts, reach, across, rows, low, high, centre, axes, scale, c
                     wide = RIM - abs(c - column)
                     for r in range(max(row - wide, 0), min(row + wide + 1, lines)):
                         near[c, r] = True
-    out, held, number, on = np.empty(1024, np.int64), 0, 0, 0
-    first, last = max(int(low[0] // reach), 0), min(int(high[0] // reach), across - 1)
-    least, most = max(int(low[1] // reach), 0), min(int(high[1] // reach), rows - 1)
+    out = np.empty(1024, np.int64)
+    held = 0
+    number = 0
+    on = 0
+    first = max(int(low[0] // reach), 0)
+    last = min(int(high[0] // reach), across - 1)
+    least = max(int(low[1] // reach), 0)
+    most = min(int(high[1] // reach), rows - 1)
     for beside in range(first, last + 1):
         for along in range(least, most + 1):
-            begin, end = starts[beside * rows + along], starts[beside * rows + along + 1]
+            begin = starts[beside * rows + along]
+            end = starts[beside * rows + along + 1]
             for j in range(first_above(xyz, begin, end, low[2]), end):
                 if xyz[j, 2] > high[2]:
                     break
                 if xyz[j, 0] < low[0] or xyz[j, 0] > high[0] or xyz[j, 1] < low[1] or xyz[j, 1] > high[1]:
                     continue
-                x, y, z = xyz[j, 0] - centre[0], xyz[j, 1] - centre[1], xyz[j, 2] - centre[2]
+                x = xyz[j, 0] - centre[0]
+                y = xyz[j, 1] - centre[1]
+                z = xyz[j, 2] - centre[2]
                 away = abs(x * axes[2, 0] + y * axes[2, 1] + z * axes[2, 2])
                 if away > SLAB_M:
                     continue
                 u = (x * axes[0, 0] + y * axes[0, 1] + z * axes[0, 2] - corner[0]) / side
                 v = (x * axes[1, 0] + y * axes[1, 1] + z * axes[1, 2] - corner[1]) / side
-                column, row = int(np.floor(u)) + RIM, int(np.floor(v)) + RIM
+                column = int(np.floor(u)) + RIM
+                row = int(np.floor(v)) + RIM
                 if not (0 <= column < columns and 0 <= row < lines):
                     continue
                 if filled[column, row]:
@@ -269,17 +286,36 @@ def _grow(xyz, starts, reach, across, rows, normal, seeds, tolerance, least_cosi
     region = np.full(n, -1, np.int64)
     stack = np.empty(n, np.int64)
     members = np.empty(n, np.int64)
-    moments, out = np.empty(9), np.zeros(9, np.float32)
+    moments = np.empty(9)
+    out = np.zeros(9, np.float32)
     found = 0
     for seed in seeds:
         if region[seed] != -1:
             continue
-        nx, ny, nz = normal[seed, 0], normal[seed, 1], normal[seed, 2]
-        ox, oy, oz = xyz[seed, 0], xyz[seed, 1], xyz[seed, 2]
-        cx, cy, cz = ox, oy, oz
-        k, sx, sy, sz, xx, yy, zz, xy, xz, yz = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        nx = normal[seed, 0]
+        ny = normal[seed, 1]
+        nz = normal[seed, 2]
+        ox = xyz[seed, 0]
+        oy = xyz[seed, 1]
+        oz = xyz[seed, 2]
+        cx = ox
+        cy = oy
+        cz = oz
+        k = 0
+        sx = 0.0
+        sy = 0.0
+        sz = 0.0
+        xx = 0.0
+        yy = 0.0
+        zz = 0.0
+        xy = 0.0
+        xz = 0.0
+        yz = 0.0
         region[seed] = found
-        stack[0], held, count, refit = seed, 1, 0, 16
+        stack[0] = seed
+        held = 1
+        count = 0
+        refit = 16
         while held > 0:
             held -= 1
             i = stack[held]
@@ -288,7 +324,9 @@ def _grow(xyz, starts, reach, across, rows, normal, seeds, tolerance, least_cosi
                 continue
             members[count] = i
             count += 1
-            a, b, c = xyz[i, 0] - ox, xyz[i, 1] - oy, xyz[i, 2] - oz
+            a = xyz[i, 0] - ox
+            b = xyz[i, 1] - oy
+            c = xyz[i, 2] - oz
             k += 1
             sx += a
             sy += b
@@ -301,22 +339,34 @@ def _grow(xyz, starts, reach, across, rows, normal, seeds, tolerance, least_cosi
             yz += b * c
             if k == refit:
                 refit = 2 * k if k < 4096 else k + 4096
-                moments[0], moments[1], moments[2] = xx - sx * sx / k, yy - sy * sy / k, zz - sz * sz / k
-                moments[3], moments[4], moments[5] = xy - sx * sy / k, xz - sx * sz / k, yz - sy * sz / k
+                moments[0] = xx - sx * sx / k
+                moments[1] = yy - sy * sy / k
+                moments[2] = zz - sz * sz / k
+                moments[3] = xy - sx * sy / k
+                moments[4] = xz - sx * sz / k
+                moments[5] = yz - sy * sz / k
                 eigen(moments, float(k), out)
                 if out[1] > 4.0 * out[2]:
-                    nx, ny, nz = float(out[3]), float(out[4]), float(out[5])
-                    cx, cy, cz = ox + sx / k, oy + sy / k, oz + sz / k
-            column, row = int(xyz[i, 0] // reach), int(xyz[i, 1] // reach)
+                    nx = float(out[3])
+                    ny = float(out[4])
+                    nz = float(out[5])
+                    cx = ox + sx / k
+                    cy = oy + sy / k
+                    cz = oz + sz / k
+            column = int(xyz[i, 0] // reach)
+            row = int(xyz[i, 1] // reach)
             for beside in range(max(column - 1, 0), min(column + 2, across)):
                 for near in range(max(row - 1, 0), min(row + 2, rows)):
-                    begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                    begin = starts[beside * rows + near]
+                    end = starts[beside * rows + near + 1]
                     for j in range(first_above(xyz, begin, end, xyz[i, 2] - reach), end):
                         if xyz[j, 2] - xyz[i, 2] > reach:
                             break
                         if region[j] != -1:
                             continue
-                        a, b, c = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
+                        a = xyz[j, 0] - xyz[i, 0]
+                        b = xyz[j, 1] - xyz[i, 1]
+                        c = xyz[j, 2] - xyz[i, 2]
                         if a * a + b * b + c * c > reach * reach:
                             continue
                         if abs(normal[j, 0] * nx + normal[j, 1] * ny + normal[j, 2] * nz) < least_cosine:

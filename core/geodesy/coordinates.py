@@ -61,7 +61,8 @@ class TransformSummary:
     def account(self, frame: MapFrame) -> dict[str, Any]:
         """For `report.json`: the coordinate system and every step applied."""
         base = frame.crs.geodetic_crs
-        epoch, heights = self.epoch, self.heights
+        epoch = self.epoch
+        heights = self.heights
         moves: list[dict[str, Any]] = []
         if epoch is not None:
             moves.append(
@@ -138,7 +139,9 @@ def _transform(
     with np.errstate(invalid="ignore"):
         known &= np.abs((lon_deg - middle[0] + 180.0) % 360.0 - 180.0) < FAR_DEG
         known &= np.abs(lat_deg - middle[1]) < FAR_DEG
-    lon, lat, height = lon_deg[known], lat_deg[known], height_m[known]
+    lon = lon_deg[known]
+    lat = lat_deg[known]
+    height = height_m[known]
     notices = []
     if frame.unused is not None:
         notices.append(Notice("heights-not-asked-for", unused=frame.unused.name, code=name_of(frame.unused)))
@@ -147,7 +150,9 @@ def _transform(
         notices += check_datum(frame.crs, frame.name, *middle, float(np.median(t_s[known])))
     epoch = None
     if frame.parameters is not None:
-        holds, first_s, last_s = frame.parameters.holds_s, t_s[known][0], t_s[known][-1]
+        holds = frame.parameters.holds_s
+        first_s = t_s[known][0]
+        last_s = t_s[known][-1]
         if holds is not None and not (holds[0] <= first_s and last_s < holds[1]):
             raise InputError(
                 "epoch-out-of-range",

@@ -68,7 +68,8 @@ def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, floa
     by metres), so its offer is compared with what it would offer with all grids. RefusedError if there is none, or it
     needs a grid that is not installed.
     """
-    source, target = source.to_2d(), target.to_2d()
+    source = source.to_2d()
+    target = target.to_2d()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # missing grids are reported below
         group = TransformerGroup(

@@ -35,7 +35,8 @@ _EGM96: Final = """
 def coarse_geoid_m(lon_deg: float, lat_deg: float) -> float:
     """The height of the geoid above the ellipsoid, with a standard deviation of GEOID_SIGMA_M."""
     geocentric = np.arctan((1.0 - _GRS80_FLATTENING) ** 2 * np.tan(np.radians(np.clip(lat_deg, -89.99, 89.99))))
-    sine, cosine = float(np.sin(geocentric)), float(np.cos(geocentric))
+    sine = float(np.sin(geocentric))
+    cosine = float(np.cos(geocentric))
     total = 0.0
     for degree, text in enumerate(_EGM96.strip().splitlines(), start=2):
         values = [float(word) for word in text.split()]
@@ -50,11 +51,13 @@ def coarse_geoid_m(lon_deg: float, lat_deg: float) -> float:
 
 def _legendre(degree: int, sine: float, cosine: float) -> list[float]:
     """Fully normalised associated Legendre functions of all orders of a degree (Holmes and Featherstone 2002)."""
-    out, sectoral = [], 1.0
+    out = []
+    sectoral = 1.0
     for order in range(degree + 1):
         if order:
             sectoral *= cosine * np.sqrt((2.0 * order + 1.0) / (2.0 * order) * (2.0 if order == 1 else 1.0))
-        before, value = 0.0, float(sectoral)
+        before = 0.0
+        value = float(sectoral)
         for n in range(order + 1, degree + 1):
             a = np.sqrt((2.0 * n - 1.0) * (2.0 * n + 1.0) / ((n - order) * (n + order)))
             b = np.sqrt(
@@ -85,7 +88,8 @@ def normal_gravity_mps2(lat_deg: float, height_m: float) -> float:
 
 def earth_rate_radps(lat_deg: float, convergence_deg: float) -> FloatArray:
     """(3,) rotation of the earth in axes easting, northing, up of a map."""
-    lat, convergence = np.radians(lat_deg), np.radians(convergence_deg)
+    lat = np.radians(lat_deg)
+    convergence = np.radians(convergence_deg)
     north = EARTH_RATE_RADPS * np.cos(lat)
     # Grid north lies clockwise of true north by the convergence: the vector's grid azimuth is minus that.
     return np.array([-north * np.sin(convergence), north * np.cos(convergence), EARTH_RATE_RADPS * np.sin(lat)])

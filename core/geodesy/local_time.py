@@ -49,7 +49,8 @@ def zone_words(t_s: float, zone: ZoneInfo) -> str:
 
 def span_words(first_s: float, last_s: float, zone: ZoneInfo) -> str:
     """Two UTC times in a zone: "2026-06-11, 09:23:11 to 09:41:02 (Asia/Tokyo, UTC+09:00)"."""
-    first, last = local_time(first_s, zone), local_time(last_s, zone)
+    first = local_time(first_s, zone)
+    last = local_time(last_s, zone)
     later = "" if last.date() == first.date() else f"{last:%Y-%m-%d}, "
     return f"{first:%Y-%m-%d}, {first:%H:%M:%S} to {later}{last:%H:%M:%S} ({zone_words(first_s, zone)})"
 
@@ -57,7 +58,8 @@ def span_words(first_s: float, last_s: float, zone: ZoneInfo) -> str:
 def in_local_time(text: str, zone: ZoneInfo) -> str:
     """A text of the product with its times in UTC changed to those of a zone, which it names after the last of them."""
     times = list(_UTC.finditer(text))
-    parts, behind = [], 0
+    parts = []
+    behind = 0
     for found in times:
         moment = dt.datetime.fromisoformat(found[0]).astimezone(zone)
         name = f" ({zone.key})" if found is times[-1] else ""

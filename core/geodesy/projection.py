@@ -248,9 +248,12 @@ class ParameterFile:
         if not inside.all():
             raise self._outside(lon_deg, lat_deg, ~inside)
         # Third-order cells of JIS X 0410 are 30" by 45"; those of epochs five times as large.
-        row, column = lat_deg * (120.0 / unit), (lon_deg - 100.0) * (80.0 / unit)
-        south, west = np.floor(row), np.floor(column)
-        up, right = (row - south)[:, None], (column - west)[:, None]
+        row = lat_deg * (120.0 / unit)
+        column = (lon_deg - 100.0) * (80.0 / unit)
+        south = np.floor(row)
+        west = np.floor(column)
+        up = (row - south)[:, None]
+        right = (column - west)[:, None]
         out = np.zeros((len(lon_deg), 3))
         for north in (0, 1):
             for east in (0, 1):
@@ -334,7 +337,8 @@ def _read_pos2jgd(path: Path, lines: list[str]) -> ParameterFile:
         codes = np.array([int(row[0]) for row in rows], np.int64)
     except ValueError as error:
         raise _unreadable(path, str(error)) from None
-    north_deg, east_deg = codes // 1_000_000 / 1.5, 100.0 + codes // 10_000 % 100
+    north_deg = codes // 1_000_000 / 1.5
+    east_deg = 100.0 + codes // 10_000 % 100
     on_islands = (north_deg < _IZU_DEG[1]) & (east_deg >= _IZU_DEG[0])
     northward = values[~on_islands & (values[:, 0] != 0.0), 0]
     if not len(northward) or max((northward < 0.0).mean(), (northward > 0.0).mean()) < 0.9:

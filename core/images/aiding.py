@@ -154,7 +154,8 @@ class ImageAid:
 
     def plain(self) -> dict[str, Any]:
         """For `report.json`."""
-        a, (before, after) = self.adjusted, self.sigmas()
+        a = self.adjusted
+        before, after = self.sigmas()
         return {
             "images": self.images,
             "points": int(np.unique(a.ties.point[self._ties]).size),
@@ -428,7 +429,8 @@ def doubtful(adjusted: AdjustedBlock) -> str | None:
 
 def _aid(block: ImageBlock, controlled: ControlledBlock) -> ImageAid:
     adjusted = controlled.adjusted
-    found, exposed_s = adjusted.found, adjusted_poses(block, adjusted).t_s
+    found = adjusted.found
+    exposed_s = adjusted_poses(block, adjusted).t_s
     nodes = len(found.t_s)
     # The mean over all exposures of what is interpolated between the nodes.
     share = np.array([np.interp(exposed_s, found.t_s, unit).mean() for unit in np.eye(nodes)])

@@ -14,7 +14,8 @@ from scipy.sparse.linalg import spsolve
 
 from furrowmap.core.runtime.arrays import FloatArray
 
-DARKEST, BRIGHTEST = 6.0, 248.0
+DARKEST = 6.0
+BRIGHTEST = 248.0
 """Levels beyond are cut off, or mostly noise."""
 PRIOR: Final = 0.3
 """Standard deviation of gains and of the coefficients of the vignetting, in logarithms."""
@@ -61,7 +62,8 @@ def balance_frames(
     if good.sum() < MIN_OBSERVATIONS:
         return Balance.none(count)
     _, which = np.unique(point[good], return_inverse=True)
-    frame, logs = frame[good], np.log(levels[good])
+    frame = frame[good]
+    logs = np.log(levels[good])
     square = radius[good] ** 2
     powers = np.column_stack([square, square**2, square**3])
     shared = _fit(which, frame, count, logs.mean(axis=1), powers)
@@ -74,18 +76,22 @@ def _fit(
     point: NDArray[np.intp], frame: NDArray[np.int32], count: int, logs: FloatArray, powers: FloatArray | None
 ) -> FloatArray:
     """Gains (count,) and coefficients of the powers (k,), the brightness of each point eliminated."""
-    m, powers_used = len(logs), 0 if powers is None else powers.shape[1]
+    m = len(logs)
+    powers_used = 0 if powers is None else powers.shape[1]
     # scipy's types of sparse products are unions of all that may come out.
     design: Any = coo_matrix((np.ones(m), (np.arange(m), frame)), shape=(m, count)).tocsr()
     if powers is not None:
         design = hstack([design, coo_matrix(powers)]).tocsr()
     of_point: Any = coo_matrix((np.ones(m), (point, np.arange(m))), shape=(int(point[-1]) + 1, m)).tocsr()
-    weight, noise, found = np.ones(m), LEVEL_NOISE, np.zeros(count + powers_used)
+    weight = np.ones(m)
+    noise = LEVEL_NOISE
+    found = np.zeros(count + powers_used)
     for _ in range(BALANCE_ROUNDS):
         # Normal equations of the gains, those of the points' brightness eliminated (Schur complement).
         total = np.maximum(of_point @ weight, 1e-12)
         weighted = diags(weight) @ design
-        sums, right = of_point @ weighted, of_point @ (weight * logs)
+        sums = of_point @ weighted
+        right = of_point @ (weight * logs)
         normal = design.T @ weighted - sums.T @ diags(1.0 / total) @ sums + (noise / PRIOR) ** 2 * identity(len(found))
         found = spsolve(normal.tocsc(), weighted.T @ logs - sums.T @ (right / total))
         left = logs - design @ found

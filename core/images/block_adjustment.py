@@ -125,8 +125,10 @@ def adjust_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) ->
     start = _BlockState(unknowns[:CAMERA_UNKNOWNS], unknowns[CAMERA_UNKNOWNS:], np.zeros((ties.points, 3)), unknowns)
     places = triangulate(_poses(block, start), block.camera, ties)
     places[known.point] = known.xyz_m
-    state, factor = replace(start, xyz_m=places), 1.0
-    before, held = np.zeros(len(ties)), np.isin(ties.point, known.point)
+    state = replace(start, xyz_m=places)
+    factor = 1.0
+    before = np.zeros(len(ties))
+    held = np.isin(ties.point, known.point)
     rows = _rows(block, state, ties)
     for number in range(BLOCK_ROUNDS):
         loose = LOOSE[number] if number < len(LOOSE) else 1.0
@@ -174,7 +176,8 @@ class _Exposures:
 
 def _exposures(block: ImageBlock, state: _BlockState) -> _Exposures:
     t_s = block.t_s + block.camera.shutter_delay_s + state.fixed[DELAY]
-    track, nodes = block.trajectory, block.errors.t_s
+    track = block.trajectory
+    nodes = block.errors.t_s
     # Poses end with the trajectory; a delay that is tried must not lead out of it.
     t_s = np.clip(t_s, track.span_s[0] + 2 * DELAY_STEP_S, track.span_s[1] - 2 * DELAY_STEP_S)
     at, early, late = (track.at(t_s + step) for step in (0.0, -DELAY_STEP_S, DELAY_STEP_S))
@@ -196,7 +199,8 @@ def _exposures(block: ImageBlock, state: _BlockState) -> _Exposures:
 def _rows(block: ImageBlock, state: _BlockState, ties: Ties) -> _Rows:
     """Residuals and derivatives of all observations at a state."""
     e = _exposures(block, state)
-    f, stretch = ties.frame, np.array([block.scale, block.scale, 1.0])
+    f = ties.frame
+    stretch = np.array([block.scale, block.scale, 1.0])
     turned = e.rotation[f]
     mount = Rotation.from_rotvec(state.fixed[:DELAY]).as_matrix() @ block.camera.mounting.rotation
     offset = (state.xyz_m[ties.point] - e.xyz_m[f]) / stretch
@@ -223,7 +227,9 @@ def _rows(block: ImageBlock, state: _BlockState, ties: Ties) -> _Rows:
 
 def _by_view(camera: Camera, seen: FloatArray) -> FloatArray:
     """(o, 2, 3) derivatives of pixels by points (o, 3) in the optical frame."""
-    x, y, z = seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2], seen[:, 2]
+    x = seen[:, 0] / seen[:, 2]
+    y = seen[:, 1] / seen[:, 2]
+    z = seen[:, 2]
     square = x * x + y * y
     radial = 1.0 + square * (camera.k1 + square * (camera.k2 + square * camera.k3))
     slope = camera.k1 + square * (2.0 * camera.k2 + 3.0 * square * camera.k3)
@@ -317,7 +323,8 @@ def _step(
 ) -> tuple[_BlockState, FloatArray]:
     """The state after a round, and the Cholesky factor of its equations."""
     ends = np.append(np.flatnonzero(np.diff(ties.point, prepend=-1)), len(ties))
-    held, pull = np.zeros((ties.points, 3)), np.zeros((ties.points, 3))
+    held = np.zeros((ties.points, 3))
+    pull = np.zeros((ties.points, 3))
     held[known.point] = 1.0 / known.sigma_m**2
     pull[known.point] = (known.xyz_m - state.xyz_m[known.point]) / known.sigma_m**2
     # Points that their observations do not place would spoil the equations by rounding.
@@ -337,14 +344,18 @@ def _step(
 @kernel()
 def _reduce(ends, residual, weight, design, first, by_point, held, pull, unknowns):  # type: ignore[no-untyped-def]
     """Lower triangle of the normal matrix and the right side without the points; the inverses (p, 3, 3) of theirs."""
-    normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+    normal = np.zeros((unknowns, unknowns))
+    right = np.zeros(unknowns)
     inverse = np.zeros((len(ends) - 1, 3, 3))
     width = design.shape[2]
-    beside, share = np.zeros((unknowns, 3)), np.empty(3)
-    seen, active = np.zeros(unknowns, np.bool_), np.empty(unknowns, np.int64)
+    beside = np.zeros((unknowns, 3))
+    share = np.empty(3)
+    seen = np.zeros(unknowns, np.bool_)
+    active = np.empty(unknowns, np.int64)
     column = np.empty(width, np.int64)
     for p in range(len(ends) - 1):
-        own, own_right = inverse[p], pull[p].copy()
+        own = inverse[p]
+        own_right = pull[p].copy()
         count = 0
         for o in range(ends[p], ends[p + 1]):
             if weight[o] == 0.0:
@@ -354,7 +365,8 @@ def _reduce(ends, residual, weight, design, first, by_point, held, pull, unknown
             for j in range(width):
                 u = column[j]
                 if not seen[u]:
-                    seen[u], active[count] = True, u
+                    seen[u] = True
+                    active[count] = u
                     beside[u] = 0.0
                     count += 1
                 for a in range(2):
@@ -393,12 +405,14 @@ def _reduce(ends, residual, weight, design, first, by_point, held, pull, unknown
 def _invert(m):  # type: ignore[no-untyped-def]
     """Invert a positive definite matrix (3, 3) in its place; numba's own inverse compiles for two seconds."""
     for k in range(3):
-        pivot, m[k, k] = m[k, k], 1.0
+        pivot = m[k, k]
+        m[k, k] = 1.0
         for j in range(3):
             m[k, j] /= pivot
         for i in range(3):
             if i != k:
-                factor, m[i, k] = m[i, k], 0.0
+                factor = m[i, k]
+                m[i, k] = 0.0
                 for j in range(3):
                     m[i, j] -= factor * m[k, j]
 

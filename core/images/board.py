@@ -51,7 +51,8 @@ def about_pivot(
         corners: (n, m, 2) pixels.
         points_m: (m, 3) corners of the board.
     """
-    count, turned = len(rotation), rotation.copy()
+    count = len(rotation)
+    turned = rotation.copy()
     design = np.concatenate([np.concatenate([np.eye(3), -turn], axis=1) for turn in turned])
     both = np.linalg.lstsq(
         np.concatenate([design, np.eye(6) / PRIOR_M]), np.concatenate([place_m.ravel(), np.zeros(6)]), rcond=None
@@ -98,7 +99,8 @@ def _linear(
     return corners - pixels, own, shared
 
 
-ON_BODY, ON_MOUNT = "body", "mount"
+ON_BODY = "body"
+ON_MOUNT = "mount"
 """Where the board is; the camera is on the other."""
 MIN_BOARDS: Final = 3
 """Frames with the board, from which a camera can be estimated."""
@@ -205,12 +207,16 @@ def board_poses(
     poses: list[_Pose] = []
     for found in shown:
         poses.append(_pose(found, board, used, poses[-1].rotation if poses else None))
-    rotation, rms = np.array([pose.rotation for pose in poses]), np.array([pose.rms_px for pose in poses])
+    rotation = np.array([pose.rotation for pose in poses])
+    rms = np.array([pose.rms_px for pose in poses])
     if len(poses) >= MIN_PIVOT_FRAMES:
-        place, ordered = np.array([pose.place_m for pose in poses]), np.array([pose.corners for pose in poses])
+        place = np.array([pose.place_m for pose in poses])
+        ordered = np.array([pose.corners for pose in poses])
         turned = about_pivot(rotation, place, ordered, board.corners_m, used)
         if np.sqrt((turned.rms_px**2).mean()) < MAX_PIVOT_RMS_RATIO * np.sqrt((rms**2).mean()):
-            rotation, rms, sigma = turned.rotation, turned.rms_px, turned.sigma_deg
+            rotation = turned.rotation
+            rms = turned.rms_px
+            sigma = turned.sigma_deg
             return BoardPoses(frame, rotation, rms, sigma, used, camera is None, has_pivot=True)
     sigma = np.array([pose.sigma_deg for pose in poses])
     return BoardPoses(frame, rotation, rms, sigma, used, camera is None, has_pivot=False)
@@ -245,7 +251,9 @@ def _pose(corners: FloatArray, board: Board, camera: Camera, before: FloatArray 
     """The board in a frame."""
     import cv2
 
-    points, matrix, bent = board.corners_m, camera.matrix, camera.distortion
+    points = board.corners_m
+    matrix = camera.matrix
+    bent = camera.distortion
     turned = [corners] if before is None or (board.columns + board.rows) % 2 else [corners, corners[::-1].copy()]
     tried: list[tuple[float, _Pose]] = []
     for each in turned:

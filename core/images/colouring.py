@@ -30,9 +30,12 @@ class ColourMaker:
     """Takes the points of a cloud, against a local origin, in pieces, and gives what colours them from frames."""
 
     def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
-        self._frames, self._visibility = frames, VisibilityMaker(frames, origin_m)
+        self._frames = frames
+        self._visibility = VisibilityMaker(frames, origin_m)
         self._samples: list[FloatArray] = []
-        self._every, self._next, self._count = 1, 0, 0
+        self._every = 1
+        self._next = 0
+        self._count = 0
 
     def add(self, xyz_m: FloatArray) -> None:
         """Points (n, 3) of surfaces, which hide what is behind them, against the local origin."""
@@ -43,7 +46,9 @@ class ColourMaker:
         self._count += len(chosen)
         while self._count > 2 * BALANCE_SAMPLES:
             kept = np.concatenate(self._samples)[::2]
-            self._samples, self._count, self._every = [kept], len(kept), 2 * self._every
+            self._samples = [kept]
+            self._count = len(kept)
+            self._every = 2 * self._every
 
     def finish(self, notices: list[Notice], progress: Progress = silent) -> "Colours":
         """What colours the points, after stage "reading images"; the maker cannot be used any more.
@@ -84,7 +89,8 @@ def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = si
 
     A notice says how many cannot be read, or have another size.
     """
-    camera, reduction = frames.camera, 1
+    camera = frames.camera
+    reduction = 1
     while 3 * len(frames) * camera.width * camera.height / reduction**2 > MAX_PIXEL_BYTES:
         reduction *= 2
     small = camera.reduced(reduction)
@@ -160,7 +166,8 @@ class Colours:
             (3, n) uint16 red, green, blue, at least 1 each, and 0 where no frame sees the point; (n,) int32 index of
             the frame, or −1.
         """
-        rgb, frame = np.zeros((3, len(xyz_m)), np.uint16), np.full(len(xyz_m), NO_FRAME, np.int32)
+        rgb = np.zeros((3, len(xyz_m)), np.uint16)
+        frame = np.full(len(xyz_m), NO_FRAME, np.int32)
         best_colours(
             np.ascontiguousarray(xyz_m, np.float64),
             np.ascontiguousarray(t_s, np.float64),
@@ -198,7 +205,8 @@ class Colours:
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What the kernels take after the points: view, depth maps, index, pixels, last factors and vignetting."""
-        v, index = self.visibility, self.visibility.index
+        v = self.visibility
+        index = self.visibility.index
         return (
             *(v.view.centre_m, v.view.matrix, v.view.intrinsics, v.view.widest, v.view.size),
             *(v.depth_m, v.slack, v.cell_px),
@@ -220,7 +228,9 @@ def cell_of(east, north, corner, cell_m, columns, cells):  # type: ignore[no-unt
 @kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
 def direction(east, north, up, centre, matrix, k):  # type: ignore[no-untyped-def]
     """Tangents x / z and y / z, and depth z, of a point in the optical frame."""
-    dx, dy, dz = east - centre[k, 0], north - centre[k, 1], up - centre[k, 2]
+    dx = east - centre[k, 0]
+    dy = north - centre[k, 1]
+    dz = up - centre[k, 2]
     z = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
     x = matrix[k, 0, 0] * dx + matrix[k, 0, 1] * dy + matrix[k, 0, 2] * dz
     y = matrix[k, 1, 0] * dx + matrix[k, 1, 1] * dy + matrix[k, 1, 2] * dz
@@ -241,8 +251,10 @@ def level(rgb, k, u, v, reduction, channel):  # type: ignore[no-untyped-def]
     """The grey level (0 to 255) of a channel at a pixel of the unreduced image, bilinear."""
     at_u = min(max((u - 0.5 * (reduction - 1)) / reduction, 0.0), rgb.shape[2] - 1.001)
     at_v = min(max((v - 0.5 * (reduction - 1)) / reduction, 0.0), rgb.shape[1] - 1.001)
-    column, row = int(at_u), int(at_v)
-    right, down = at_u - column, at_v - row
+    column = int(at_u)
+    row = int(at_v)
+    right = at_u - column
+    down = at_v - row
     above = (1.0 - right) * rgb[k, row, column, channel] + right * rgb[k, row, column + 1, channel]
     below = (1.0 - right) * rgb[k, row + 1, column, channel] + right * rgb[k, row + 1, column + 1, channel]
     return (1.0 - down) * above + down * below
@@ -251,7 +263,8 @@ def level(rgb, k, u, v, reduction, channel):  # type: ignore[no-untyped-def]
 @kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
 def darkening(u, v, size, vignetting):  # type: ignore[no-untyped-def]
     """Logarithm of the vignetting at a pixel."""
-    du, dv = u - 0.5 * (size[0] - 1.0), v - 0.5 * (size[1] - 1.0)
+    du = u - 0.5 * (size[0] - 1.0)
+    dv = v - 0.5 * (size[1] - 1.0)
     square = 4.0 * (du * du + dv * dv) / (size[0] * size[0] + size[1] * size[1])
     return square * (vignetting[0] + square * (vignetting[1] + square * vignetting[2]))
 
@@ -264,7 +277,10 @@ def best_colours(  # type: ignore[no-untyped-def]
     """Kernel of :meth:`Colours.of_points`."""
     for i in range(len(xyz)):
         cell = cell_of(xyz[i, 0], xyz[i, 1], corner, cell_m, columns, len(start) - 1)
-        best, best_k, best_u, best_v = np.inf, NO_FRAME, 0.0, 0.0
+        best = np.inf
+        best_k = NO_FRAME
+        best_u = 0.0
+        best_v = 0.0
         for at in range(start[cell], start[cell + 1]):
             k = listed[at]
             if not usable[k]:
@@ -279,7 +295,10 @@ def best_colours(  # type: ignore[no-untyped-def]
                 continue
             u, v = pixel_of(intrinsics, x, y)
             if is_seen(u, v, z, size, depth, slack, cell_px, k):
-                best, best_k, best_u, best_v = cost, k, u, v
+                best = cost
+                best_k = k
+                best_u = u
+                best_v = v
         if best_k == NO_FRAME:
             continue
         bright = np.exp(-darkening(best_u, best_v, size, vignetting)) * TO_16_BIT
@@ -299,7 +318,8 @@ def blended_colours(  # type: ignore[no-untyped-def]
     `out` begins in a cell of `height`, at the easting, northing of `place`, which also has the zero of the heights.
     """
     middle = 0.5 * (pixels_across - 1.0)
-    rise, sums = np.empty((pixels_across, pixels_across)), np.empty((pixels_across, pixels_across, 4))
+    rise = np.empty((pixels_across, pixels_across))
+    sums = np.empty((pixels_across, pixels_across, 4))
     for row in range(out.shape[1] // pixels_across):
         for column in range(out.shape[2] // pixels_across):
             own = height[begin[0] + row, begin[1] + column]
@@ -327,7 +347,8 @@ def blended_colours(  # type: ignore[no-untyped-def]
                 bright = weight * np.exp(-darkening(u, v, size, vignetting))
                 for a in range(pixels_across):
                     for b in range(pixels_across):
-                        at_e, at_n = e_m + (b - middle) * pixel_m, n_m + (middle - a) * pixel_m
+                        at_e = e_m + (b - middle) * pixel_m
+                        at_n = n_m + (middle - a) * pixel_m
                         up = own + place[2] + rise[a, b]
                         at_x, at_y, at_z = direction(at_e, at_n, up, centre, matrix, k)
                         at_u, at_v = pixel_of(intrinsics, at_x, at_y)
@@ -340,7 +361,8 @@ def blended_colours(  # type: ignore[no-untyped-def]
             for a in range(pixels_across):
                 for b in range(pixels_across):
                     if sums[a, b, 3] > 0.0:
-                        i, j = row * pixels_across + a, column * pixels_across + b
+                        i = row * pixels_across + a
+                        j = column * pixels_across + b
                         out[3, i, j] = OPAQUE
                         for channel in range(3):
                             out[channel, i, j] = np.uint8(min(sums[a, b, channel] / sums[a, b, 3], 255.0) + 0.5)
@@ -373,8 +395,10 @@ def observations(  # type: ignore[no-untyped-def]
     corner, cell_m, columns, start, listed, pixels, usable, reduction, most,
 ):  # fmt: skip
     """Every frame's levels of points: point, frame, pixel (m, 2) and levels (m, 3); at most `most`."""
-    point, frame = np.empty(most, np.int32), np.empty(most, np.int32)
-    at_px, levels = np.empty((most, 2)), np.empty((most, 3))
+    point = np.empty(most, np.int32)
+    frame = np.empty(most, np.int32)
+    at_px = np.empty((most, 2))
+    levels = np.empty((most, 3))
     count = 0
     for i in range(len(xyz)):
         cell = cell_of(xyz[i, 0], xyz[i, 1], corner, cell_m, columns, len(start) - 1)
@@ -388,7 +412,10 @@ def observations(  # type: ignore[no-untyped-def]
             u, v = pixel_of(intrinsics, x, y)
             if not is_seen(u, v, z, size, depth, slack, cell_px, k):
                 continue
-            point[count], frame[count], at_px[count, 0], at_px[count, 1] = i, k, u, v
+            point[count] = i
+            frame[count] = k
+            at_px[count, 0] = u
+            at_px[count, 1] = v
             for channel in range(3):
                 levels[count, channel] = level(pixels, k, u, v, reduction, channel)
             count += 1

@@ -120,7 +120,8 @@ def _predicted(given: IntArray, off_m: FloatArray, covariance: FloatArray) -> tu
     points = len(off_m)
     known = (3 * given[:, None] + np.arange(3)).ravel()
     beside = covariance[known]
-    expected, left = np.zeros(3 * points), covariance
+    expected = np.zeros(3 * points)
+    left = covariance
     if len(known):
         factor = scipy.linalg.cho_factor(covariance[np.ix_(known, known)], lower=True)
         gain = scipy.linalg.cho_solve(factor, beside)

@@ -61,10 +61,12 @@ def plate_middle(grey: NDArray[np.uint8], expected: FloatArray, reach_px: float)
 
 def _score(grey: NDArray[np.float32], first: NDArray[np.int_], last: NDArray[np.int_]) -> FloatArray:
     """Contrast of the quadrants around each pixel of a window; 0 where there are none."""
-    height, width = last[1] - first[1] + 1, last[0] - first[0] + 1
+    height = last[1] - first[1] + 1
+    width = last[0] - first[0] + 1
     angle = 2.0 * np.pi * np.arange(PLATE_SAMPLES) / PLATE_SAMPLES
     turn = np.exp(-2j * angle).astype(np.complex64)
-    out, phases = np.full((height, width), np.inf), []
+    out = np.full((height, width), np.inf)
+    phases = []
     for radius in RADII_PX:
         steps = np.round(radius * np.column_stack([np.cos(angle), np.sin(angle)])).astype(int)
         ring = np.stack(
@@ -140,7 +142,8 @@ def _find_plates(
     points: ControlPoints, block: ImageBlock, adjusted: AdjustedBlock, paths: Sequence[ImageFile]
 ) -> list[tuple[int, int, float, float]]:
     """Number of the image, number of the point, column and row of the plates where the adjusted poses expect them."""
-    poses, camera = adjusted_poses(block, adjusted), adjusted.camera
+    poses = adjusted_poses(block, adjusted)
+    camera = adjusted.camera
     variances: FloatArray = np.diag(adjusted.found.covariance).reshape(-1, 6)[:, :3]
     reach_m = CONTROL_SIGMAS * float(np.sqrt(variances.max())) + CONTROL_SIGMAS * SIGMA_M
     found = []

@@ -103,7 +103,9 @@ def _matches(a: ImageFeatures, b: ImageFeatures, of_a: IntArray, of_b: IntArray)
     if min(alike.shape) < MIN_MATCHES:
         return np.zeros((0, 2), np.int64)
     # Of descriptors of length 1 the square of the distance is 2 − 2 times their product.
-    rows, best, most = np.arange(len(alike)), alike.argmax(axis=1), alike.max(axis=0)
+    rows = np.arange(len(alike))
+    best = alike.argmax(axis=1)
+    most = alike.max(axis=0)
     product = alike[rows, best]
     alike[rows, best] = -1.0
     clear = 1.0 - product < MAX_RATIO**2 * (1.0 - alike.max(axis=1))
@@ -111,7 +113,8 @@ def _matches(a: ImageFeatures, b: ImageFeatures, of_a: IntArray, of_b: IntArray)
     out = np.column_stack([of_a[chosen], of_b[best[chosen]]]).astype(np.int64)
     if len(out) < MIN_MATCHES:
         return out
-    first, second = a.places[out[:, 0], :2], b.places[out[:, 1], :2]
+    first = a.places[out[:, 0], :2]
+    second = b.places[out[:, 1], :2]
     try:
         _, fits = cv2.findFundamentalMat(first, second, cv2.USAC_FAST, MAX_EPIPOLAR_PX, 0.999, 2000)
     except cv2.error:  # where no sample of the matches gives a geometry

@@ -56,11 +56,13 @@ def frame_poses(trajectory: Trajectory, camera: Camera, t_s: FloatArray, scale: 
     exposed_s = t_s + camera.shutter_delay_s
     vehicle = trajectory.at(exposed_s)
     known = np.isfinite(vehicle.quaternion[:, 0])
-    xyz, rotation = np.full((len(t_s), 3), np.nan), np.full((len(t_s), 3, 3), np.nan)
+    xyz = np.full((len(t_s), 3), np.nan)
+    rotation = np.full((len(t_s), 3, 3), np.nan)
     if known.any():
         turn = Rotation.from_quat(vehicle.quaternion[known], scalar_first=True).as_matrix()
         lever = np.array([scale, scale, 1.0]) * (turn @ np.asarray(camera.xyz_m))
-        xyz[known], rotation[known] = vehicle.xyz_m[known] + lever, turn @ camera.mounting.rotation
+        xyz[known] = vehicle.xyz_m[known] + lever
+        rotation[known] = turn @ camera.mounting.rotation
     return FramePoses(exposed_s, xyz, rotation, scale)
 
 

@@ -46,7 +46,8 @@ def pixel_of(intrinsics, x, y):  # type: ignore[no-untyped-def]
     """Column and row of the direction (x, y, 1)."""
     square = x * x + y * y
     radial = 1.0 + square * (intrinsics[4] + square * (intrinsics[5] + square * intrinsics[6]))
-    p1, p2 = intrinsics[7], intrinsics[8]
+    p1 = intrinsics[7]
+    p2 = intrinsics[8]
     bent_x = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x)
     bent_y = y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y
     return intrinsics[0] * bent_x + intrinsics[2], intrinsics[1] * bent_y + intrinsics[3]
@@ -60,7 +61,8 @@ def project_points(intrinsics, widest, xyz_m):  # type: ignore[no-untyped-def]
         z = xyz_m[i, 2]
         if not z > 0.0:
             continue
-        x, y = xyz_m[i, 0] / z, xyz_m[i, 1] / z
+        x = xyz_m[i, 0] / z
+        y = xyz_m[i, 1] / z
         if x * x + y * y <= widest * widest:
             out[i, 0], out[i, 1] = pixel_of(intrinsics, x, y)
     return out
@@ -70,13 +72,18 @@ def project_points(intrinsics, widest, xyz_m):  # type: ignore[no-untyped-def]
 def unproject_pixels(intrinsics, widest, pixels):  # type: ignore[no-untyped-def]
     """Kernel of :func:`unproject`: from the undistorted guess, shortened to lie within the widest angle."""
     out = np.full((len(pixels), 3), np.nan)
-    k1, k2, k3, p1, p2 = intrinsics[4], intrinsics[5], intrinsics[6], intrinsics[7], intrinsics[8]
+    k1 = intrinsics[4]
+    k2 = intrinsics[5]
+    k3 = intrinsics[6]
+    p1 = intrinsics[7]
+    p2 = intrinsics[8]
     for i in range(len(pixels)):
         at_x = (pixels[i, 0] - intrinsics[2]) / intrinsics[0]
         at_y = (pixels[i, 1] - intrinsics[3]) / intrinsics[1]
         length = np.sqrt(at_x * at_x + at_y * at_y)
         shorter = min(1.0, 0.9 * widest / length) if length > 0.0 else 1.0
-        x, y = at_x * shorter, at_y * shorter
+        x = at_x * shorter
+        y = at_y * shorter
         found = False
         for _ in range(UNDISTORT_ITERATIONS):
             square = x * x + y * y
@@ -92,10 +99,13 @@ def unproject_pixels(intrinsics, widest, pixels):  # type: ignore[no-untyped-def
                 break
             step_x = (yy * miss_x - xy * miss_y) / determinant
             step_y = (xx * miss_y - xy * miss_x) / determinant
-            x, y = x - step_x, y - step_y
+            x = x - step_x
+            y = y - step_y
             if abs(step_x) + abs(step_y) < CONVERGED * (1.0 + abs(x) + abs(y)):
                 found = x * x + y * y <= widest * widest * (1.0 + 1e-9)
                 break
         if found:
-            out[i, 0], out[i, 1], out[i, 2] = x, y, 1.0
+            out[i, 0] = x
+            out[i, 1] = y
+            out[i, 2] = 1.0
     return out

@@ -46,7 +46,8 @@ def seen_in(poses: FramePoses, camera: Camera, a: int, b: int, points_m: FloatAr
 
 def _best_pairs(pairs: NDArray[np.intp], shares: FloatArray, count: int) -> list[tuple[int, int]]:
     """The pairs that are among the MOST of either image."""
-    met, out = np.zeros(count, np.int64), []
+    met = np.zeros(count, np.int64)
+    out = []
     for a, b in pairs[np.argsort(-shares, kind="stable")].tolist():
         if met[a] < MAX_NEIGHBOURS or met[b] < MAX_NEIGHBOURS:
             met[a] += 1
@@ -147,7 +148,8 @@ def _roots(links, count):  # type: ignore[no-untyped-def]
     """Root of each of some things (count,) that links (m, 2) join: union-find with path halving."""
     root = np.arange(count)
     for k in range(len(links)):
-        a, b = links[k, 0], links[k, 1]
+        a = links[k, 0]
+        b = links[k, 1]
         while root[a] != a:
             root[a] = root[root[a]]
             a = root[a]

@@ -63,9 +63,12 @@ class FrameView:
         """The view of frames."""
         from furrowmap.core.images.projection import unproject
 
-        camera, poses = frames.camera, frames.poses
-        width, height = camera.width, camera.height
-        edge_x, edge_y = np.linspace(0.0, width - 1.0, 9), np.linspace(0.0, height - 1.0, 9)
+        camera = frames.camera
+        poses = frames.poses
+        width = camera.width
+        height = camera.height
+        edge_x = np.linspace(0.0, width - 1.0, 9)
+        edge_y = np.linspace(0.0, height - 1.0, 9)
         edge = np.concatenate([np.column_stack([edge_x, np.full(9, y)]) for y in (0.0, height - 1.0)])
         edge = np.concatenate([edge, *(np.column_stack([np.full(9, x), edge_y]) for x in (0.0, width - 1.0))])
         tangent = np.abs(unproject(camera, edge)[:, :2])
@@ -122,9 +125,11 @@ class VisibilityMaker:
     """
 
     def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
-        camera, self.view = frames.camera, FrameView.from_frames(frames, origin_m)
+        camera = frames.camera
+        self.view = FrameView.from_frames(frames, origin_m)
         self._cell_px = max(CELL_PX, -(-max(camera.width, camera.height) // MAX_DEPTH_CELLS))
-        rows, columns = -(-camera.height // self._cell_px), -(-camera.width // self._cell_px)
+        rows = -(-camera.height // self._cell_px)
+        columns = -(-camera.width // self._cell_px)
         self._depth: NDArray[np.float32] = arrays.full((len(frames), rows, columns), np.inf, np.float32)
         self._points = np.zeros(len(frames), np.int64)
         low = self.view.centre_m[:, :2].min(axis=0) - MAX_DISTANCE_M
@@ -158,7 +163,8 @@ class VisibilityMaker:
         """The visibility of all points; the maker cannot be used any more."""
         slack = np.empty(len(self._points))
         for k, points in enumerate(self._points.tolist()):
-            depth, pooled = self._depth[k], 1
+            depth = self._depth[k]
+            pooled = 1
             while pooled < MAX_POOLED_CELLS and points < POINTS_PER_CELL * np.isfinite(_least(depth, pooled)).sum():
                 pooled *= 2
             self._depth[k] = widen_depth(depth, pooled)
@@ -166,7 +172,8 @@ class VisibilityMaker:
         return Visibility(self.view, self._depth, slack, self._cell_px, self._index())
 
     def _index(self) -> PlaceIndex:
-        cells, count = len(self._seen), len(self._points)
+        cells = len(self._seen)
+        count = len(self._points)
         start = np.zeros(cells + 1, np.int64)
         parts = []
         for begin in range(0, cells, 1 << 12):
@@ -205,7 +212,8 @@ def splat(  # type: ignore[no-untyped-def]
     cell = np.empty(PIECE, np.int64)
     for begin in range(0, len(xyz), PIECE):
         end = min(begin + PIECE, len(xyz))
-        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        low = np.full(3, np.inf)
+        high = np.full(3, -np.inf)
         for i in range(begin, end):
             for j in range(3):
                 low[j] = min(low[j], xyz[i, j])
@@ -216,7 +224,9 @@ def splat(  # type: ignore[no-untyped-def]
         middle = 0.5 * (low + high)
         radius = 0.5 * np.sqrt(((high - low) ** 2).sum())
         for k in range(len(centre)):
-            dx, dy, dz = middle[0] - centre[k, 0], middle[1] - centre[k, 1], middle[2] - centre[k, 2]
+            dx = middle[0] - centre[k, 0]
+            dy = middle[1] - centre[k, 1]
+            dz = middle[2] - centre[k, 2]
             if np.sqrt(dx * dx + dy * dy + dz * dz) > MAX_DISTANCE_M + radius:
                 continue
             # The sphere around the points against the pyramid around the image.
@@ -228,7 +238,9 @@ def splat(  # type: ignore[no-untyped-def]
             if aside:
                 continue
             for i in range(begin, end):
-                dx, dy, dz = xyz[i, 0] - centre[k, 0], xyz[i, 1] - centre[k, 1], xyz[i, 2] - centre[k, 2]
+                dx = xyz[i, 0] - centre[k, 0]
+                dy = xyz[i, 1] - centre[k, 1]
+                dz = xyz[i, 2] - centre[k, 2]
                 z = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
                 if not z > MIN_DISTANCE_M:
                     continue
@@ -236,13 +248,15 @@ def splat(  # type: ignore[no-untyped-def]
                 y = matrix[k, 1, 0] * dx + matrix[k, 1, 1] * dy + matrix[k, 1, 2] * dz
                 if abs(x) > reach[0] * z or abs(y) > reach[1] * z:
                     continue
-                x, y = x / z, y / z
+                x = x / z
+                y = y / z
                 if x * x + y * y > widest * widest:
                     continue
                 u, v = pixel_of(intrinsics, x, y)
                 if not (-0.5 <= u < size[0] - 0.5 and -0.5 <= v < size[1] - 0.5):
                     continue
-                row, column = int((v + 0.5) / cell_px), int((u + 0.5) / cell_px)
+                row = int((v + 0.5) / cell_px)
+                column = int((u + 0.5) / cell_px)
                 if z < depth[k, row, column]:
                     depth[k, row, column] = z
                 points[k] += 1

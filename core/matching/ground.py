@@ -143,7 +143,10 @@ def register_ground(
     Returns:
         Sums by patch; empty without coarse knots.
     """
-    tiles, chain, coarse, slices = surface.tiles, poses.chain, poses.coarse, sums.slices
+    tiles = surface.tiles
+    chain = poses.chain
+    coarse = poses.coarse
+    slices = sums.slices
     patched = placed.xyz_m[: len(placed.t_s) if coarse.every else 0]
     patches = PatchRows.over(patched, coarse.patch_m, 1024 if coarse.every else 0)
     while patches.progress[0] < len(placed.t_s):
@@ -169,7 +172,10 @@ def _register(  # type: ignore[no-untyped-def]
     """Register returns from the next one on, until all are or another patch would have no room."""
     n = len(t_s)
     rows, columns = number.shape
-    begin, patches, opened, now = progress[0], progress[1], progress[2], progress[3]
+    begin = progress[0]
+    patches = progress[1]
+    opened = progress[2]
+    now = progress[3]
     progress[0] = n
     variance = NOISE_M * NOISE_M
     per_cell = 1.0 / cell_m
@@ -184,32 +190,46 @@ def _register(  # type: ignore[no-untyped-def]
         return_weight[i] = 255
         if layer[i] < 0:
             continue
-        u, s = xyz_m[i, 0] * per_cell, xyz_m[i, 1] * per_cell
-        x, y = int(np.floor(u)), int(np.floor(s))
+        u = xyz_m[i, 0] * per_cell
+        s = xyz_m[i, 1] * per_cell
+        x = int(np.floor(u))
+        y = int(np.floor(s))
         u -= x
         s -= y
-        other, own = 2 * layer[i] + 1 - half[i], 2 * layer[i] + half[i]
+        other = 2 * layer[i] + 1 - half[i]
+        own = 2 * layer[i] + half[i]
         least = least_own = 1e9
         for c in range(4):
-            p, q = y + c // 2, x + c % 2
-            row, column = (p >> TILE_BITS) - south, (q >> TILE_BITS) - west
+            p = y + c // 2
+            q = x + c % 2
+            row = (p >> TILE_BITS) - south
+            column = (q >> TILE_BITS) - west
             tile = -1
             if 0 <= row < rows and 0 <= column < columns:
                 tile = number[row, column]
             if tile < 0:
                 least = 0.0
                 break
-            p, q = p & TILE_NODES - 1, q & TILE_NODES - 1
-            full[0, c], full[1, c] = weight[tile, other, p, q], weight[tile, own, p, q]
-            node[0, c], node[1, c] = height[tile, other, p, q], height[tile, own, p, q]
+            p = p & TILE_NODES - 1
+            q = q & TILE_NODES - 1
+            full[0, c] = weight[tile, other, p, q]
+            full[1, c] = weight[tile, own, p, q]
+            node[0, c] = height[tile, other, p, q]
+            node[1, c] = height[tile, own, p, q]
             least = min(least, full[0, c])
             least_own = min(least_own, full[1, c])
         if least < MIN_NODE_RETURNS:
             continue
-        a0, a1, b0, b1 = 1.0 - u, u, 1.0 - s, s
+        a0 = 1.0 - u
+        a1 = u
+        b0 = 1.0 - s
+        b1 = s
         ground = b0 * (a0 * node[0, 0] + a1 * node[0, 1]) + b1 * (a0 * node[0, 2] + a1 * node[0, 3])
         residual = xyz_m[i, 2] - ground
-        i0, i1, i2, i3 = 1.0 / full[0, 0], 1.0 / full[0, 1], 1.0 / full[0, 2], 1.0 / full[0, 3]
+        i0 = 1.0 / full[0, 0]
+        i1 = 1.0 / full[0, 1]
+        i2 = 1.0 / full[0, 2]
+        i3 = 1.0 / full[0, 3]
         spread = variance * (1.0 + max(max(i0, i1), max(i2, i3)))
         certain = 1.0 / spread
         normalised = np.sqrt(residual * residual * certain)
@@ -221,7 +241,8 @@ def _register(  # type: ignore[no-untyped-def]
         scale = variance * per_cell * per_cell
         noise_x = scale * (b0 * b0 * (i0 + i1) + b1 * b1 * (i2 + i3))
         noise_y = scale * (a0 * a0 * (i0 + i2) + a1 * a1 * (i1 + i3))
-        true_x, true_y = 1.0 / (relief + noise * noise_x), 1.0 / (relief + noise * noise_y)
+        true_x = 1.0 / (relief + noise * noise_x)
+        true_y = 1.0 / (relief + noise * noise_y)
         tally[4] += 1
         tally[5] += min(normalised, MATCHING_HUBER) ** 2 * spread
         if normalised < 3.0 and least_own >= MIN_NODE_RETURNS:
@@ -259,18 +280,26 @@ def _register(  # type: ignore[no-untyped-def]
         late_share = (local + 0.5) / every - interval
         if interval != now:
             close_patches(slots, place, opened, patches, patch_west, patch_south)
-            now, opened = interval, patches
-        px, py = int(np.floor(xyz_m[i, 0] / patch_m)), int(np.floor(xyz_m[i, 1] / patch_m))
+            now = interval
+            opened = patches
+        px = int(np.floor(xyz_m[i, 0] / patch_m))
+        py = int(np.floor(xyz_m[i, 1] / patch_m))
         c = slots[layer[i], py - patch_south, px - patch_west]
         if c < 0:
             c = slots[layer[i], py - patch_south, px - patch_west] = patches
-            place[c, 0], place[c, 1], place[c, 2] = px, py, layer[i]
+            place[c, 0] = px
+            place[c, 1] = py
+            place[c, 2] = layer[i]
             interval_of[c] = first_coarse + interval
             patches += 1
-        lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]
+        lx = xyz_m[i, 0] - (px + 0.5) * patch_m
+        ly = xyz_m[i, 1] - (py + 0.5) * patch_m
+        lz = xyz_m[i, 2]
         plane_row(row6, -slope_x, -slope_y, 1.0, lx, ly, lz)
         add_to_patch(early, late, pull, c, row6, w, late_share, residual_free)
-    progress[1], progress[2], progress[3] = patches, opened, now
+    progress[1] = patches
+    progress[2] = opened
+    progress[3] = now
 
 
 @kernel_part()

@@ -100,7 +100,8 @@ class Placing:
 
     def _placed(self, chain: int, source: GroundReturns | UprightReturns, part: slice) -> tuple[FloatArray, FloatArray]:
         """Copies of the times, and the places in the map."""
-        c, t_s = self.knots.chains[chain], arrays.taken(source.t_s, part)
+        c = self.knots.chains[chain]
+        t_s = arrays.taken(source.t_s, part)
         vehicle = self.sensor.corrected(source, part)
         return t_s, place(t_s, vehicle, c.first, c.begin_s, KNOT_STEP_S, self.position_m, self.rotation, self.turn)
 
@@ -115,11 +116,13 @@ def placing_of(
     tool: Tool | None,
 ) -> Placing:
     """What places returns by a state."""
-    position, rotation = np.ascontiguousarray(state.xyz_m), np.ascontiguousarray(state.rotation)
+    position = np.ascontiguousarray(state.xyz_m)
+    rotation = np.ascontiguousarray(state.rotation)
     passage = None
     if tool is not None:
         every = slice(None, None, 2)
-        ahead, left = rotation[every, :2, 0], rotation[every, :2, 1]
+        ahead = rotation[every, :2, 0]
+        left = rotation[every, :2, 1]
         middle = position[every, :2] + tool.xy_m[0] * ahead + tool.xy_m[1] * left
         passage = passage_of(knots.t_s[every], middle, left, tool.half_width_m + TOOL_MARGIN_M, TOOL_CELL_M)
     (turn,) = arrays.in_parts(

@@ -58,7 +58,8 @@ class RecentGround:
     """Mean heights in cells around the vehicle, in a frame of their own."""
 
     def __init__(self, rotation: FloatArray, sensor_m: FloatArray) -> None:
-        self._rotation, self._sensor_m = rotation, sensor_m
+        self._rotation = rotation
+        self._sensor_m = sensor_m
         self._cells = np.zeros((SIDE_CELLS, SIDE_CELLS, 2))
         self._last_s = -np.inf
         self._keys = np.full((SIDE_CELLS, SIDE_CELLS, 2), np.iinfo(np.int32).min, np.int32)
@@ -105,7 +106,8 @@ def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, since_s, step): 
     """
     out = np.empty((len(xyz_m) // step + 1, 4))
     count = 0
-    w, v = np.empty(3), np.empty(3)
+    w = np.empty(3)
+    v = np.empty(3)
     for i in range(0, len(xyz_m), step):
         for k in range(3):
             w[k] = (
@@ -117,7 +119,8 @@ def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, since_s, step): 
             v[k] = rotation[k, 0] * w[0] + rotation[k, 1] * w[1] + rotation[k, 2] * w[2]
         if abs(v[2]) > HIGHEST_M:
             continue
-        c, s = np.cos(velocity[2] * t_s[i]), np.sin(velocity[2] * t_s[i])
+        c = np.cos(velocity[2] * t_s[i])
+        s = np.sin(velocity[2] * t_s[i])
         out[count, 0] = c * v[0] - s * v[1] + velocity[0] * t_s[i]
         out[count, 1] = s * v[0] + c * v[1] + velocity[1] * t_s[i]
         out[count, 2] = v[2]
@@ -129,24 +132,36 @@ def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, since_s, step): 
 @kernel()
 def _moved(point, found):  # type: ignore[no-untyped-def]
     """A return with the turns and shifts that were found."""
-    c, s = np.cos(point[3] * found[5]), np.sin(point[3] * found[5])
-    x, y = c * point[0] - s * point[1] + found[0], s * point[0] + c * point[1] + found[1]
+    c = np.cos(point[3] * found[5])
+    s = np.sin(point[3] * found[5])
+    x = c * point[0] - s * point[1] + found[0]
+    y = s * point[0] + c * point[1] + found[1]
     return x, y, point[2] + point[3] * (found[2] + found[3] * y - found[4] * x)
 
 
 @kernel()
 def _off(x, y, z, cells, keys):  # type: ignore[no-untyped-def]
     """Height of the known ground above a point, and its slopes; nan where it is not known."""
-    u, v = x / RECENT_CELL_M - 0.5, y / RECENT_CELL_M - 0.5
-    column, line = int(np.floor(u)), int(np.floor(v))
+    u = x / RECENT_CELL_M - 0.5
+    v = y / RECENT_CELL_M - 0.5
+    column = int(np.floor(u))
+    line = int(np.floor(v))
     for k in range(4):
-        c, r = column + (k & 1), line + (k >> 1)
+        c = column + (k & 1)
+        r = line + (k >> 1)
         key = keys[r % SIDE_CELLS, c % SIDE_CELLS]
         if key[0] != c or key[1] != r or cells[r % SIDE_CELLS, c % SIDE_CELLS, 1] < MIN_IN_CELL:
             return np.nan, 0.0, 0.0
-    a, b, u, v = column % SIDE_CELLS, line % SIDE_CELLS, u - column, v - line
-    a1, b1 = (column + 1) % SIDE_CELLS, (line + 1) % SIDE_CELLS
-    h00, h01, h10, h11 = cells[b, a, 0], cells[b, a1, 0], cells[b1, a, 0], cells[b1, a1, 0]
+    a = column % SIDE_CELLS
+    b = line % SIDE_CELLS
+    u = u - column
+    v = v - line
+    a1 = (column + 1) % SIDE_CELLS
+    b1 = (line + 1) % SIDE_CELLS
+    h00 = cells[b, a, 0]
+    h01 = cells[b, a1, 0]
+    h10 = cells[b1, a, 0]
+    h11 = cells[b1, a1, 0]
     off = (h00 * (1 - u) + h01 * u) * (1 - v) + (h10 * (1 - u) + h11 * u) * v - z
     return (
         off,
@@ -162,10 +177,12 @@ def _likely_turn(points, place_m, cells, keys):  # type: ignore[no-untyped-def]
     By less than MIN_MATCHED returns chance decides.
     """
     found = np.zeros(6)
-    best, turn = np.inf, 0.0
+    best = np.inf
+    turn = 0.0
     for k in range(2 * TRIED + 1):
         found[5] = TRIED_RAD * ((k + 1) // 2) * (1 - 2 * (k & 1))
-        squares, used = 0.0, 0
+        squares = 0.0
+        used = 0
         for i in range(0, len(points), 4):
             x, y, z = _moved(points[i], found)
             off, _, _ = _off(x + place_m[0], y + place_m[1], z + place_m[2], cells, keys)
@@ -173,7 +190,8 @@ def _likely_turn(points, place_m, cells, keys):  # type: ignore[no-untyped-def]
                 squares += min(off * off, CLIPPED_M**2)
                 used += 1
         if used >= MIN_MATCHED and squares / used < best:
-            best, turn = squares / used, found[5]
+            best = squares / used
+            turn = found[5]
     return turn
 
 
@@ -195,12 +213,17 @@ def _matched(points, place_m, cells, keys, prior):  # type: ignore[no-untyped-de
 @kernel()
 def _matched_from(turn, points, place_m, cells, keys, prior):  # type: ignore[no-untyped-def]
     """Shifts and turns (6,) by Gauss and Newton, their normal equations, and how many returns lie on known ground."""
-    found, row = np.zeros(6), np.zeros(6)
+    found = np.zeros(6)
+    row = np.zeros(6)
     normal = np.diag(prior)
-    used, squares = 0, 0.0
+    used = 0
+    squares = 0.0
     found[5] = turn
     for _ in range(TURN_ROUNDS):
-        normal, right, used, squares = np.diag(prior), -prior * found, 0, 0.0
+        normal = np.diag(prior)
+        right = -prior * found
+        used = 0
+        squares = 0.0
         for i in range(len(points)):
             x, y, z = _moved(points[i], found)
             off, slope_x, slope_y = _off(x + place_m[0], y + place_m[1], z + place_m[2], cells, keys)
@@ -209,7 +232,11 @@ def _matched_from(turn, points, place_m, cells, keys, prior):  # type: ignore[no
             weight = 1.0 / (SHARED * NOISE_M**2 * max(1.0, abs(off) / (2.0 * NOISE_M)))
             weight /= max(1.0, (slope_x * slope_x + slope_y * slope_y) / STEEPEST**2)
             part = points[i, 3]
-            row[0], row[1], row[2], row[3], row[4] = -slope_x, -slope_y, part, part * y, -part * x
+            row[0] = -slope_x
+            row[1] = -slope_y
+            row[2] = part
+            row[3] = part * y
+            row[4] = -part * x
             row[5] = part * (slope_x * y - slope_y * x)
             for p in range(6):
                 right[p] += weight * row[p] * off
@@ -232,14 +259,20 @@ def _add(points, place_m, found, cells, keys):  # type: ignore[no-untyped-def]
     """Add returns to the means of their cells."""
     for i in range(len(points)):
         x, y, z = _moved(points[i], found)
-        column, line = int(np.floor((x + place_m[0]) / RECENT_CELL_M)), int(np.floor((y + place_m[1]) / RECENT_CELL_M))
-        r, c = line % SIDE_CELLS, column % SIDE_CELLS
-        cell, key = cells[r, c], keys[r, c]
+        column = int(np.floor((x + place_m[0]) / RECENT_CELL_M))
+        line = int(np.floor((y + place_m[1]) / RECENT_CELL_M))
+        r = line % SIDE_CELLS
+        c = column % SIDE_CELLS
+        cell = cells[r, c]
+        key = keys[r, c]
         z += place_m[2]
         off = z - cell[0]
         if key[0] != column or key[1] != line or cell[1] < 0.5 or (off < -CLIPPED_M and cell[1] <= MIN_IN_CELL):
             # Dust and straw come before the ground below them.
-            key[0], key[1], cell[0], cell[1] = column, line, z, 1.0
+            key[0] = column
+            key[1] = line
+            cell[0] = z
+            cell[1] = 1.0
         elif abs(off) > GATE_M:
             cell[1] *= 0.7  # what stands there has changed, or is above the ground
         else:

@@ -180,9 +180,12 @@ def register_to_walls(
         def found() -> Iterator[Patches]:
             nonlocal scatter
             for c, part in share:
-                placed, walls, factor = placing.upright(c, part), whole, 1.0
+                placed = placing.upright(c, part)
+                walls = whole
+                factor = 1.0
                 if walls is None:
-                    walls, factor = lines(add_upright(columns_over(placed.xyz_m), placed.xyz_m, placed.half)), 0.5
+                    walls = lines(add_upright(columns_over(placed.xyz_m), placed.xyz_m, placed.half))
+                    factor = 0.5
                 patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, factor, sums)
                 scatter = scatter.plus(more)
                 if whole is not None or len(patches.place):

@@ -129,9 +129,12 @@ def ground_returns(
     lever = np.asarray(mounting.xyz_m, np.float64)
     seen = np.zeros((PIXELS, PIXELS), np.int32)
     idle = np.zeros_like(seen)
-    begin_s, end_s = trajectory.span_s[0] - EXTRAPOLATION_S, trajectory.span_s[1] + EXTRAPOLATION_S
+    begin_s = trajectory.span_s[0] - EXTRAPOLATION_S
+    end_s = trajectory.span_s[1] + EXTRAPOLATION_S
     count = number = 0
-    stride, upright_stride, last_s = 1, 1, -np.inf
+    stride = 1
+    upright_stride = 1
+    last_s = -np.inf
     scans = iter(scans)
     begin = list(islice(scans, LEARN_SCANS))
     ground_m = ground_height_m(begin, rotation, lever)
@@ -145,7 +148,8 @@ def ground_returns(
             if t_s[0] < begin_s or t_s[-1] > end_s:
                 continue
             moves = trajectory.motion[max(0, np.searchsorted(trajectory.t_s, t_s[0]) - 1)] != Motion.STANDING
-            xyz, column = np.ascontiguousarray(scan.xyz_m, np.float32), np.ascontiguousarray(scan.column, np.uint16)
+            xyz = np.ascontiguousarray(scan.xyz_m, np.float32)
+            column = np.ascontiguousarray(scan.column, np.uint16)
             if scan.lasers > MANY_LASERS:
                 column = column + np.uint16(STAGGER_COLUMNS) * scan.laser
             scanned = t_s, xyz, column, scan.laser
@@ -273,12 +277,15 @@ def select(t_s, xyz_m, column, laser, rotation, lever_m, ground_m, stride, seen)
     `seen` counts the scans with upright returns above each pixel of the vehicle frame.
     """
     n = len(xyz_m)
-    times, lasers = np.empty(n), np.empty(n, np.uint8)
+    times = np.empty(n)
+    lasers = np.empty(n, np.uint8)
     out = np.empty((n, 3), np.float32)
     mark = np.zeros((PIXELS, PIXELS), np.bool_)
     kept = candidates = 0
     for i in range(n):
-        px, py, pz = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        px = xyz_m[i, 0]
+        py = xyz_m[i, 1]
+        pz = xyz_m[i, 2]
         x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + lever_m[0]
         y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz + lever_m[1]
         z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz + lever_m[2]
@@ -295,7 +302,10 @@ def select(t_s, xyz_m, column, laser, rotation, lever_m, ground_m, stride, seen)
             continue
         candidates += 1
         if column[i] % stride == 0:
-            times[kept], lasers[kept] = t_s[i], laser[i]
-            out[kept, 0], out[kept, 1], out[kept, 2] = x, y, z
+            times[kept] = t_s[i]
+            lasers[kept] = laser[i]
+            out[kept, 0] = x
+            out[kept, 1] = y
+            out[kept, 2] = z
             kept += 1
     return (times[:kept], out[:kept], lasers[:kept]), candidates

@@ -177,7 +177,8 @@ def joined(parts: Sequence[HeightGrid]) -> HeightGrid:
     whole = parts[0]
     for part in parts[1:]:
         for tile in range(whole.tiles.count):
-            weight, height = whole.weight[tile], whole.height_m[tile]
+            weight = whole.weight[tile]
+            height = whole.height_m[tile]
             weight += part.weight[tile]
             share = np.divide(part.weight[tile], weight, out=np.zeros_like(weight), where=weight > 0)
             height += share * (part.height_m[tile] - height)
@@ -203,7 +204,8 @@ def heights(surface: HeightGrid, en_m: FloatArray, layer: NDArray[np.int8]) -> F
 def _touch(en_m, cell_m, west, south, used):  # type: ignore[no-untyped-def]
     """Mark the tiles of the four nodes round each point."""
     for i in range(len(en_m)):
-        x, y = int(np.floor(en_m[i, 0] / cell_m)), int(np.floor(en_m[i, 1] / cell_m))
+        x = int(np.floor(en_m[i, 0] / cell_m))
+        y = int(np.floor(en_m[i, 1] / cell_m))
         for a in range(2):
             for b in range(2):
                 used[((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west] = True
@@ -232,7 +234,8 @@ def _sweep(t_s, en_m, left, half_m, cell_m, west, south, number, first, last):  
             tile = number[(y >> TILE_BITS) - south, (x >> TILE_BITS) - west]
             if tile < 0:
                 continue
-            a, b = y & TILE_NODES - 1, x & TILE_NODES - 1
+            a = y & TILE_NODES - 1
+            b = x & TILE_NODES - 1
             first[tile, a, b] = min(first[tile, a, b], t_s[i])
             last[tile, a, b] = max(last[tile, a, b], t_s[i])
 
@@ -242,11 +245,15 @@ def _layers(t_s, en_m, guard_s, cell_m, west, south, number, first, last):  # ty
     out = np.zeros(len(t_s), np.int8)
     rows, columns = number.shape
     for i in range(len(t_s)):
-        x, y = int(np.floor(en_m[i, 0] / cell_m)), int(np.floor(en_m[i, 1] / cell_m))
-        row, column = (y >> TILE_BITS) - south, (x >> TILE_BITS) - west
+        x = int(np.floor(en_m[i, 0] / cell_m))
+        y = int(np.floor(en_m[i, 1] / cell_m))
+        row = (y >> TILE_BITS) - south
+        column = (x >> TILE_BITS) - west
         if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
             continue
-        tile, a, b = number[row, column], y & TILE_NODES - 1, x & TILE_NODES - 1
+        tile = number[row, column]
+        a = y & TILE_NODES - 1
+        b = x & TILE_NODES - 1
         if t_s[i] < first[tile, a, b] - guard_s:
             out[i] = 0
         elif t_s[i] > last[tile, a, b] + guard_s:
@@ -263,21 +270,25 @@ def _add(xyz_m, layer, half, return_weight, cell_m, west, south, number, height,
         if layer[i] < 0 or return_weight[i] == 0:
             continue
         whole = return_weight[i] / 255.0
-        u, s = xyz_m[i, 0] / cell_m, xyz_m[i, 1] / cell_m
-        x, y = int(np.floor(u)), int(np.floor(s))
+        u = xyz_m[i, 0] / cell_m
+        s = xyz_m[i, 1] / cell_m
+        x = int(np.floor(u))
+        y = int(np.floor(s))
         u -= x
         s -= y
         sheet = 2 * layer[i] + half[i]
         for a in range(2):
             for b in range(2):
-                row, column = ((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west
+                row = ((y + b) >> TILE_BITS) - south
+                column = ((x + a) >> TILE_BITS) - west
                 if not (0 <= row < rows and 0 <= column < columns):
                     continue
                 tile = number[row, column]
                 share = whole * (u if a else 1.0 - u) * (s if b else 1.0 - s)
                 if tile < 0 or share <= 0.0:
                     continue
-                p, q = (y + b) & TILE_NODES - 1, (x + a) & TILE_NODES - 1
+                p = (y + b) & TILE_NODES - 1
+                q = (x + a) & TILE_NODES - 1
                 weight[tile, sheet, p, q] += share
                 height[tile, sheet, p, q] += (
                     share / weight[tile, sheet, p, q] * (xyz_m[i, 2] - height[tile, sheet, p, q])
@@ -291,17 +302,22 @@ def _heights(en_m, layer, cell_m, west, south, number, height, weight):  # type:
     for i in range(len(en_m)):
         if layer[i] < 0:
             continue
-        u, s = en_m[i, 0] / cell_m, en_m[i, 1] / cell_m
-        x, y = int(np.floor(u)), int(np.floor(s))
+        u = en_m[i, 0] / cell_m
+        s = en_m[i, 1] / cell_m
+        x = int(np.floor(u))
+        y = int(np.floor(s))
         u -= x
         s -= y
         whole = total = 0.0
         for a in range(2):
             for b in range(2):
-                row, column = ((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west
+                row = ((y + b) >> TILE_BITS) - south
+                column = ((x + a) >> TILE_BITS) - west
                 if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
                     continue
-                tile, p, q = number[row, column], (y + b) & TILE_NODES - 1, (x + a) & TILE_NODES - 1
+                tile = number[row, column]
+                p = (y + b) & TILE_NODES - 1
+                q = (x + a) & TILE_NODES - 1
                 share = (u if a else 1.0 - u) * (s if b else 1.0 - s)
                 for half in range(2):
                     sheet = 2 * layer[i] + half

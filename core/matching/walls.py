@@ -177,10 +177,12 @@ def columns_over(xyz_m: FloatArray) -> WallColumns:
 
 def add_upright(columns: WallColumns, xyz_m: FloatArray, half: NDArray[np.uint8]) -> WallColumns:
     """The columns with more returns (n, 3); those outside the tiles are left out."""
-    tiles, had = columns.tiles, len(columns.sums)
+    tiles = columns.tiles
+    had = len(columns.sums)
     count = _number(xyz_m, COLUMN_CELL_M, tiles.west, tiles.south, tiles.number, columns.number, had)
     fresh = np.zeros((count - had, 2, 8))
-    fresh[:, :, 6], fresh[:, :, 7] = np.inf, -np.inf
+    fresh[:, :, 6] = np.inf
+    fresh[:, :, 7] = -np.inf
     sums = np.concatenate([columns.sums, fresh])
     _add(xyz_m, half, COLUMN_CELL_M, tiles.west, tiles.south, tiles.number, columns.number, sums)
     return WallColumns(tiles, columns.number, sums)
@@ -207,8 +209,11 @@ def register_walls(
     Returns:
         Sums by patch, empty without coarse knots, and the scatter of the residuals.
     """
-    tiles, chain, coarse = walls.columns.tiles, poses.chain, poses.coarse
-    tally, group = np.zeros(5), np.full(2 * len(walls.line), -1)
+    tiles = walls.columns.tiles
+    chain = poses.chain
+    coarse = poses.coarse
+    tally = np.zeros(5)
+    group = np.full(2 * len(walls.line), -1)
     group_sums = np.zeros((len(group), 3))
     patched = placed.xyz_m[: len(placed.t_s) if coarse.every else 0]
     patches = PatchRows.over(patched, WALL_PATCH_M, 64 if coarse.every else 0)
@@ -235,11 +240,14 @@ def select_upright(  # type: ignore[no-untyped-def]
     The ground lies about `ground_m` above the vehicle frame's origin.
     """
     n = len(xyz_m)
-    times, lasers = np.empty(n), np.empty(n, np.uint8)
+    times = np.empty(n)
+    lasers = np.empty(n, np.uint8)
     out = np.empty((n, 3), np.float32)
     kept = candidates = 0
     for i in range(n):
-        px, py, pz = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        px = xyz_m[i, 0]
+        py = xyz_m[i, 1]
+        pz = xyz_m[i, 2]
         z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz + lever_m[2] - ground_m
         if not z > ABOVE_M:
             continue
@@ -252,8 +260,11 @@ def select_upright(  # type: ignore[no-untyped-def]
             continue
         candidates += 1
         if column[i] % stride == 0:
-            times[kept], lasers[kept] = t_s[i], laser[i]
-            out[kept, 0], out[kept, 1], out[kept, 2] = x, y, z + ground_m
+            times[kept] = t_s[i]
+            lasers[kept] = laser[i]
+            out[kept, 0] = x
+            out[kept, 1] = y
+            out[kept, 2] = z + ground_m
             kept += 1
     return (times[:kept], out[:kept], lasers[:kept]), candidates
 
@@ -263,8 +274,10 @@ def _number(xyz_m, cell_m, west, south, tile_number, number, count):  # type: ig
     """Number the columns in which points are, from `count` on; returns how many there are then."""
     rows, columns = tile_number.shape
     for i in range(len(xyz_m)):
-        x, y = int(np.floor(xyz_m[i, 0] / cell_m)), int(np.floor(xyz_m[i, 1] / cell_m))
-        row, column = (y >> TILE_BITS) - south, (x >> TILE_BITS) - west
+        x = int(np.floor(xyz_m[i, 0] / cell_m))
+        y = int(np.floor(xyz_m[i, 1] / cell_m))
+        row = (y >> TILE_BITS) - south
+        column = (x >> TILE_BITS) - west
         if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
             continue
         tile = tile_number[row, column]
@@ -277,8 +290,10 @@ def _number(xyz_m, cell_m, west, south, tile_number, number, count):  # type: ig
 @kernel_part()
 def _column(e, n, cell_m, west, south, tile_number, number):  # type: ignore[no-untyped-def]
     """Number of the column at a place, −1 where there is none, and the place against its centre."""
-    x, y = int(np.floor(e / cell_m)), int(np.floor(n / cell_m))
-    row, column = (y >> TILE_BITS) - south, (x >> TILE_BITS) - west
+    x = int(np.floor(e / cell_m))
+    y = int(np.floor(n / cell_m))
+    row = (y >> TILE_BITS) - south
+    column = (x >> TILE_BITS) - west
     rows, columns = tile_number.shape
     if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
         return -1, 0.0, 0.0
@@ -313,20 +328,29 @@ def _fit(sums):  # type: ignore[no-untyped-def]
             s = sums[c, h]
             if s[0] < MIN_COLUMN_RETURNS or s[7] - s[6] < MIN_COLUMN_HEIGHT_M:
                 continue
-            e, n = s[1] / s[0], s[2] / s[0]
-            ee, en, nn = s[3] / s[0] - e * e, s[4] / s[0] - e * n, s[5] / s[0] - n * n
-            middle, half_way = 0.5 * (ee + nn), np.hypot(0.5 * (ee - nn), en)
-            across, along = max(middle - half_way, 0.0), middle + half_way
+            e = s[1] / s[0]
+            n = s[2] / s[0]
+            ee = s[3] / s[0] - e * e
+            en = s[4] / s[0] - e * n
+            nn = s[5] / s[0] - n * n
+            middle = 0.5 * (ee + nn)
+            half_way = np.hypot(0.5 * (ee - nn), en)
+            across = max(middle - half_way, 0.0)
+            along = middle + half_way
             if along < MIN_LINE_SIGMA_M**2 or across > MAX_LINE_SIGMA_M**2 or across > MAX_LINE_THICKNESS**2 * along:
                 continue
             direction = 0.5 * np.arctan2(2.0 * en, ee - nn)
-            ne, nn = -np.sin(direction), np.cos(direction)
+            ne = -np.sin(direction)
+            nn = np.cos(direction)
             variance = across * (1.0 + 2.0 / s[0]) + MIN_WALL_SIGMA_M**2
             # A wall along the border of two columns would be cut in half lengthwise.
             reach = LINE_REACH_SIGMAS * np.sqrt(variance)
             if abs(e) + reach * abs(ne) > 0.5 * COLUMN_CELL_M or abs(n) + reach * abs(nn) > 0.5 * COLUMN_CELL_M:
                 continue
-            out[c, h, 0], out[c, h, 1], out[c, h, 2], out[c, h, 3] = e, n, ne, nn
+            out[c, h, 0] = e
+            out[c, h, 1] = n
+            out[c, h, 2] = ne
+            out[c, h, 3] = nn
             out[c, h, 4] = variance
     return out
 
@@ -339,7 +363,10 @@ def _register(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Register returns from the next one on, until all are or another patch would have no room."""
     n = len(t_s)
-    begin, patches, opened, interval_now = progress[0], progress[1], progress[2], progress[3]
+    begin = progress[0]
+    patches = progress[1]
+    opened = progress[2]
+    interval_now = progress[3]
     progress[0] = n
     row6 = np.empty(6)
     for i in range(begin, n):
@@ -349,7 +376,8 @@ def _register(  # type: ignore[no-untyped-def]
         c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], cell_m, west, south, tile_number, number)
         if c < 0:
             continue
-        other, own = line[c, 1 - half[i]], line[c, half[i]]
+        other = line[c, 1 - half[i]]
+        own = line[c, half[i]]
         if not (np.isfinite(other[4]) and np.isfinite(own[4])):
             continue
         variance = other[4]
@@ -389,18 +417,26 @@ def _register(  # type: ignore[no-untyped-def]
         late_share = (local + 0.5) / every - interval
         if interval != interval_now:
             close_patches(slots, place, opened, patches, patch_west, patch_south)
-            interval_now, opened = interval, patches
-        px, py = int(np.floor(xyz_m[i, 0] / patch_m)), int(np.floor(xyz_m[i, 1] / patch_m))
+            interval_now = interval
+            opened = patches
+        px = int(np.floor(xyz_m[i, 0] / patch_m))
+        py = int(np.floor(xyz_m[i, 1] / patch_m))
         p = slots[WALL_LAYER, py - patch_south, px - patch_west]
         if p < 0:
             p = slots[WALL_LAYER, py - patch_south, px - patch_west] = patches
-            place[p, 0], place[p, 1], place[p, 2] = px, py, WALL_LAYER
+            place[p, 0] = px
+            place[p, 1] = py
+            place[p, 2] = WALL_LAYER
             interval_of[p] = first_coarse + interval
             patches += 1
-        lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]
+        lx = xyz_m[i, 0] - (px + 0.5) * patch_m
+        ly = xyz_m[i, 1] - (py + 0.5) * patch_m
+        lz = xyz_m[i, 2]
         plane_row(row6, other[2], other[3], 0.0, lx, ly, lz)
         add_to_patch(early, late, pull, p, row6, w, late_share, residual_free)
-    progress[1], progress[2], progress[3] = patches, opened, interval_now
+    progress[1] = patches
+    progress[2] = opened
+    progress[3] = interval_now
 
 
 @kernel_part()

@@ -82,7 +82,8 @@ class LiveSession:
     """
 
     def __init__(self, session: Session, frame: MapFrame, learned: SeenImplement | None = None) -> None:
-        self._session, self._frame = session, frame
+        self._session = session
+        self._frame = frame
         self._poses = LivePoses(session, frame)
         self._tail = b""
         self._kind: Kind | None = None
@@ -135,7 +136,8 @@ class LiveSession:
             scan = replace(scan, t_s=scan.t_s - offset_s)
         if not len(scan):
             return None
-        pose, end_s = self._poses.add_scan(scan), float(scan.t_s[-1])
+        pose = self._poses.add_scan(scan)
+        end_s = float(scan.t_s[-1])
         self._scan_s = end_s
         state, height_m, states = self._tool(scan)
         changed: set[Tile] = set()
@@ -164,7 +166,9 @@ class LiveSession:
         """Measure the tool's height from now on."""
         implement = self._session.implement
         if implement is not None:
-            self._seen, self.learned_s, self._near = seen, since_s, None
+            self._seen = seen
+            self.learned_s = since_s
+            self._near = None
             self._heights = ToolHeightTracker(self._session.lidar.mounting, seen, implement.working_depth_m)
 
     def _tool(self, scan: Scan) -> tuple[ToolState, float, ToolStates | None]:
@@ -187,10 +191,12 @@ class LiveSession:
 
     def _learn(self, scan: Scan) -> None:
         """Collect scans, and look for the implement in them now and then, in a process of its own."""
-        now_s, implement = float(scan.t_s[-1]), self._session.implement
+        now_s = float(scan.t_s[-1])
+        implement = self._session.implement
         assert implement is not None
         if self._learning is not None and self._learning.done():
-            found, self._learning = self._learning.result().implement, None
+            found = self._learning.result().implement
+            self._learning = None
             if found is not None:
                 self._use(found, now_s)
                 return
@@ -222,7 +228,8 @@ class LiveSession:
             pose = self._poses.at(t_s)
             if pose is None or pose.position_age_s > MAX_CARRIED_S:
                 continue
-            line, heading = self._line_at(pose), pose.attitude_deg[2]
+            line = self._line_at(pose)
+            heading = pose.attitude_deg[2]
             if self._line is not None and t_s > self._line[0]:
                 before_s, before, before_deg = self._line
                 step = line.mean(axis=0) - before.mean(axis=0)
@@ -253,12 +260,14 @@ class LiveSession:
 
 def warm_up() -> None:
     """Load the compiled kernels, which takes a second: by a drive over a plane that nothing is kept of."""
-    tool, crs = Implement(width_m=2.0, xy_m=(-1.5, 0.0)), Crs(map="EPSG:32631")
+    tool = Implement(width_m=2.0, xy_m=(-1.5, 0.0))
+    crs = Crs(map="EPSG:32631")
     session = LiveSession(Session(furrowmap=1, recording=Recording(), crs=crs, implement=tool), map_frame(crs))
     column = (np.arange(4000) % 2000).astype(np.uint16)
     t_s = 5e-5 * column.astype(np.float64)
     plane = np.column_stack([5.0 * np.cos(column), 5.0 * np.sin(column), np.full(len(column), -2.0)]).astype(np.float32)
-    lasers, ones = np.zeros(len(column), np.uint8), np.ones(len(column), np.uint8)
+    lasers = np.zeros(len(column), np.uint8)
+    ones = np.ones(len(column), np.uint8)
     for number in range(LEARN_SCANS + 2):
         session.add_scan(Scan(number, t_s + 0.1 * number, plane, ones, lasers, column, ones, ones))
         gga = f"GNGGA,0000{0.1 * number:05.2f},4500.{5 * number:05d},N,00300.0,E,4,12,0.9,99.0,M,40.0,M,,"
@@ -275,7 +284,8 @@ def _keep(scans: list[NearScan]) -> None:
 
 
 def _learn_kept(hint: Hint) -> Learned:
-    scans, _kept[:] = _kept[:], []
+    scans = _kept[:]
+    _kept[:] = []
     return learn_implement(scans, hint)
 
 

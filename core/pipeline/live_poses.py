@@ -122,7 +122,8 @@ class LivePoses:
         self._frame = frame
         self._fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
         mounting = session.lidar.mounting
-        self._rotation, self._sensor_m = np.ascontiguousarray(mounting.rotation), np.asarray(mounting.xyz_m, np.float64)
+        self._rotation = np.ascontiguousarray(mounting.rotation)
+        self._sensor_m = np.asarray(mounting.xyz_m, np.float64)
         self._lever_m = np.asarray(lever_arm_m(session), np.float64)
         self._first: list[Scan] = []
         self._track: GnssTrack | None = None
@@ -201,12 +202,14 @@ class LivePoses:
 
     def _start(self, positions: Positions) -> None:
         """Follow the vehicle in both directions, once positions show its course, or two antennas the heading."""
-        en_m, yaw_rad = positions.xyz_m[:, :2], float(positions.yaw_rad[-1])
+        en_m = positions.xyz_m[:, :2]
+        yaw_rad = float(positions.yaw_rad[-1])
         chord = en_m[-1] - en_m
         least_m = max(START_WAY_M, START_NOISES * float(positions.white_m[-1, 0]))
         away = np.flatnonzero(np.hypot(*chord.T) > least_m)
         if np.isfinite(yaw_rad):
-            first, starts = len(en_m) - 1, [(yaw_rad, 0.0)]
+            first = len(en_m) - 1
+            starts = [(yaw_rad, 0.0)]
         elif len(away) and positions.t_s[-1] - positions.t_s[away[-1]] < START_WITHIN_S:
             first = int(away[-1])
             course = float(np.arctan2(chord[first, 1], chord[first, 0]))
@@ -268,7 +271,8 @@ class _Drive:
         yaw_rad: float,
         speed_mps: float,
     ) -> None:
-        self._ground, self._lever_m = ground, lever_m
+        self._ground = ground
+        self._lever_m = lever_m
         t_s = float(positions.t_s[first])
         place = positions.xyz_m[first] - _attitude(np.zeros(2), yaw_rad, up) @ lever_m
         self._taken_s = np.nextafter(t_s, -np.inf)
@@ -276,7 +280,8 @@ class _Drive:
         # Of scans: time, sum of the turns, its variance, place on the ground's cells (3), upward direction (2), place
         # on the map (2).
         self._turns = np.array([[t_s, yaw_rad, 0.0, 0.0, 0.0, 0.0, *up, *place[:2]]])
-        self._turn_radps, self._matched_s = 0.0, -np.inf
+        self._turn_radps = 0.0
+        self._matched_s = -np.inf
         self.known = np.zeros((0, 16))
         self.residual_m = self.way_m = self.speed_mps = 0.0
 
@@ -293,7 +298,8 @@ class _Drive:
         k = int(np.searchsorted(known[:, 0], t_s, side="right")) - 1
         if k < 0:
             return None
-        row, ahead_s = known[k], t_s - float(known[k, 0])
+        row = known[k]
+        ahead_s = t_s - float(known[k, 0])
         turned, variance, height_m, up = self._turned(t_s)
         _, variance_before, height_before_m, _ = self._turned(float(row[0]))
         if k + 1 < len(known):
@@ -302,7 +308,9 @@ class _Drive:
                 return None
             row = np.append(row[:8] + share * (known[k + 1, :8] - row[:8]), row[8:])
             ahead_s = 0.0
-        yaw, speed, slope = turned + float(row[4]), float(row[5]), row[6:8]
+        yaw = turned + float(row[4])
+        speed = float(row[5])
+        slope = row[6:8]
         if ahead_s > MAX_CARRIED_S:
             speed = float(known[max(0, k - STEADY_POSITIONS) :, 5].mean())
         steps = np.linspace(t_s - ahead_s, t_s, 2 + int(ahead_s / POSE_STEP_S))
@@ -344,7 +352,8 @@ class _Drive:
 
     def _add_turn(self, scan: Scan) -> None:
         """Match a scan to the ground of the last metres."""
-        t_s, last = _middle_s(scan), self._turns[-1]
+        t_s = _middle_s(scan)
+        last = self._turns[-1]
         step_s = t_s - float(last[0])
         if step_s <= 0.0:
             return
@@ -353,7 +362,9 @@ class _Drive:
         self.speed_mps = pose.speed_mps if pose is not None else float(self._filter.mean[4])
         self.way_m += self.speed_mps * step_s
         velocity = self.speed_mps * _direction(yaw)
-        step, on_map, lost = velocity * step_s, last[8:], True
+        step = velocity * step_s
+        on_map = last[8:]
+        lost = True
         if pose is not None:
             lost = pose.position_age_s > MAX_CARRIED_S
             on_map = np.array(pose.xyz_m[:2])
@@ -369,7 +380,8 @@ class _Drive:
             variance = (UNSEEN_TURN_RADPS * step_s) ** 2
         else:
             turn_rad = float(moved.turn_rad[2])
-            yaw, self._matched_s = yaw + turn_rad, t_s
+            yaw = yaw + turn_rad
+            self._matched_s = t_s
             place += moved.shift_m if lost else [0.0, 0.0, moved.shift_m[2]]
             level = rotation.T @ np.array([-moved.turn_rad[1], moved.turn_rad[0], 1.0])
             up = level[:2] / level[2]
@@ -391,7 +403,8 @@ class _Drive:
         state.take(positions.xyz_m[k], arm, white_m, positions.drift_m[k], int(positions.fix[k]))
         if np.isfinite(positions.yaw_rad[k]):
             state.take_yaw(float(positions.yaw_rad[k]) - turned)
-        mean, sigma = state.mean, np.sqrt(np.diag(state.covariance))
+        mean = state.mean
+        sigma = np.sqrt(np.diag(state.covariance))
         ahead = _direction(turned + float(mean[3]))
         tilts = [a @ state.covariance[5:7, 5:7] @ a for a in (np.array([-ahead[1], ahead[0]]), ahead)]
         row = [t_s, *mean[:7], *sigma[:3], *np.sqrt(tilts), *sigma[3:5], float(positions.fix[k])]

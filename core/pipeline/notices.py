@@ -61,7 +61,8 @@ def _outages(poses: ScanPoses) -> list[Notice]:
     """Times with poses, but without positions."""
     without = poses.fix == Fix.NONE
     edges = np.flatnonzero(np.diff(without, prepend=False, append=False)).reshape(-1, 2)
-    begin, end = poses.t_s[np.maximum(edges[:, 0] - 1, 0)], poses.t_s[np.minimum(edges[:, 1], len(poses) - 1)]
+    begin = poses.t_s[np.maximum(edges[:, 0] - 1, 0)]
+    end = poses.t_s[np.minimum(edges[:, 1], len(poses) - 1)]
     length = end - begin
     long = length >= MIN_OUTAGE_S
     if not long.any():
@@ -108,7 +109,8 @@ def refuse_empty(placement: Placement, trajectory: Trajectory, session: Session)
         raise InputError("only-standing", scans_standing=placement.scans_standing)
     scans = ClockReading(Clock.SENSOR, placement.first_s, placement.last_s)
     if session.mount is not None:
-        begin_s, end_s = max(trajectory.span_s[0], scans.first_s), min(trajectory.span_s[1], scans.last_s)
+        begin_s = max(trajectory.span_s[0], scans.first_s)
+        end_s = min(trajectory.span_s[1], scans.last_s)
         poses = trajectory.at(np.linspace(begin_s, end_s, POSE_SAMPLES))
         if begin_s <= end_s and np.isfinite(poses.quaternion).any():
             raise InputError(
@@ -159,7 +161,8 @@ def placement_notices(placement: Placement) -> list[Notice]:
     """Scans and points that are not in the cloud."""
     notices = []
     if placement.points_without_pose:
-        lost, outside = placement.points_without_pose, placement.points_outside
+        lost = placement.points_without_pose
+        outside = placement.points_outside
         notices.append(
             Notice(
                 "points-without-pose",

@@ -130,7 +130,9 @@ def run(
     Raises:
         FurrowmapError: if the session's files do not make a cloud, or no trajectory with tool states.
     """
-    session, frame, watch = opened.session, opened.frame, _StopWatch()
+    session = opened.session
+    frame = opened.frame
+    watch = _StopWatch()
     if not session.recording.lidar:
         return _run_without_scans(opened, progress)
     positions = opened.positions()
@@ -355,7 +357,8 @@ def _read_survey(opened: OpenSession, progress: Progress) -> _FlightScans:
     positions = opened.positions()
     assert isinstance(positions, GivesTrack)
     track = track_within(positions.track(), opened.session.recording.span_s)
-    lidar, implement = opened.lidar(middle_s(track)), ImplementTracker(opened.session, flying=True)
+    lidar = opened.lidar(middle_s(track))
+    implement = ImplementTracker(opened.session, flying=True)
     scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
     span_s = (float(track.t_s[0]), float(track.t_s[-1])) if len(track) else (0.0, 0.0)
     return _FlightScans(lidar, thinned_returns(scans, span_s), implement)
@@ -413,10 +416,12 @@ def _match(
     learned = (tool.learned for tool in opened.inputs.tools)
     earlier = [load_implement(file) if file is not None else None for file in learned]
     implement = ImplementTracker(session, earlier)
-    located, matched = guess, None
+    located = guess
+    matched = None
     kept = checkpoint.load() if checkpoint is not None and guess.antenna is not None else None
     if kept is not None:
-        located, matched = replace(guess, trajectory=kept.trajectory, notices=kept.notices), kept.matched
+        located = replace(guess, trajectory=kept.trajectory, notices=kept.notices)
+        matched = kept.matched
     elif guess.antenna is not None:
         located, matched = match_to_ground(guess, lidar, session, implement.add_scan, progress)
         if checkpoint is not None:
@@ -478,7 +483,8 @@ def _calibrated(
     opened: OpenSession, guess: Located, returns: StripReturns, carrier: Trajectory | None, *, place_known: bool = False
 ) -> tuple[Located, _FlightCalibration]:
     """As :func:`_calibrate_flight`; `place_known` says that the scanner's place stays as stated."""
-    stated, located = opened.session.lidar.mounting, guess
+    stated = opened.session.lidar.mounting
+    located = guess
     walk = opened.session.lidar.rpy_walk_deg_rts
     ahead_s = _imu_ahead_s(opened.session, guess)
     by_imu = ahead_s != 0.0 and scanner_goes_with_imu(returns, guess.trajectory, stated, ahead_s, carrier)
@@ -581,7 +587,8 @@ def _correct_clock(lidar: LidarRecording, matched: Matched | None) -> LidarRecor
 
 def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     """The ground worked in a session that names no scanner's recording."""
-    session, watch = opened.session, _StopWatch()
+    session = opened.session
+    watch = _StopWatch()
     progress("reading positions", 0.0)
     positions = opened.positions()
     located = located_without_lidar(positions, session, opened.frame, companions(opened))
@@ -619,7 +626,8 @@ def preview(opened: OpenSession, open_sink: OpenSink, progress: Progress = silen
     Raises:
         FurrowmapError: if the session's files do not make a track with points along it.
     """
-    session, watch = opened.session, _StopWatch()
+    session = opened.session
+    watch = _StopWatch()
     progress("reading positions", 0.0)
     positions = opened.positions()
     clocks: tuple[ClockReading, ...] = ()
@@ -638,7 +646,8 @@ def preview(opened: OpenSession, open_sink: OpenSink, progress: Progress = silen
         assumed = [*lidar.notices, *mount_notices, *session_notices(session, located, matched=False)]
     else:
         located = located_without_lidar(positions, session, opened.frame, companions(opened))
-        placement, assumed = Placement.without_scans(located.trajectory), []
+        placement = Placement.without_scans(located.trajectory)
+        assumed = []
     watch.lap("preview")
     notices = [*positions.notices, *located.notices, *assumed]
     return _run_result(opened, located, placement, FieldWork(), clocks, notices, watch)

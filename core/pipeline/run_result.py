@@ -98,7 +98,9 @@ def unconfirmed_places(
     """
     if not session.recording.lidar:
         return ()
-    angles, height, lever = boresight is not None and boresight.certain, False, located.source == "file"
+    angles = boresight is not None and boresight.certain
+    height = False
+    lever = located.source == "file"
     if matched is not None:
         angles = matched.facing_shown
         height = bool(np.isfinite(matched.calibration.sigma_height_m))

@@ -66,7 +66,8 @@ def further_recordings(
         matched: the result of scan matching; None without.
         implement: has looked for it in the first scanner's scans.
     """
-    session, shown = opened.session, implement.shown
+    session = opened.session
+    shown = implement.shown
     if not session.further_lidars:
         return []
     from furrowmap.core.adjustment.relative_mounting import FirstScanner, relative_mounting

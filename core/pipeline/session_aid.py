@@ -31,11 +31,13 @@ def features_ahead(opened: OpenSession, progress: Progress) -> dict[ImageFile, I
     Raises:
         InputError: if a table of images cannot be read.
     """
-    source, positions = opened.session.camera, opened.positions()
+    source = opened.session.camera
+    positions = opened.positions()
     if source is None or not (source.aid and source.is_known and all(map(find_spec, EXTRA))):
         return {}
     assert isinstance(positions, GivesTrack)
-    track, images = track_within(positions.track(), opened.session.recording.span_s), opened.images([])
+    track = track_within(positions.track(), opened.session.recording.span_s)
+    images = opened.images([])
     before = np.searchsorted(track.t_s, images.t_s + opened.camera().shutter_delay_s)
     during = np.flatnonzero((before > 0) & (before < len(track)))
     return find_features(images.chosen(during).paths, progress)
@@ -72,7 +74,8 @@ def aid_session(
         notices += points.notices
         seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name, notices)
         control = ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
-    images, camera = opened.images(notices), opened.camera()
+    images = opened.images(notices)
+    camera = opened.camera()
     return aid_by_images(located, images, camera, scale, control, notices, progress, features)
 
 

@@ -261,7 +261,8 @@ def _measure(
     if not len(own):
         return
     around = [np.zeros((0, 3))]
-    low, high = own[:, :2].min(axis=0) - FIRST_RADIUS_M, own[:, :2].max(axis=0) + FIRST_RADIUS_M
+    low = own[:, :2].min(axis=0) - FIRST_RADIUS_M
+    high = own[:, :2].max(axis=0) + FIRST_RADIUS_M
     for square in squares_around(block, FIRST_RADIUS_M + slack_m, spool.side_m):
         others = spool.read_squares([square])
         xyz = others["xyz_m"][~others["noise"]]
@@ -302,10 +303,12 @@ def _add_lows(records: RecordArray, square: Square, lows: SquareSpool) -> None:
 def _lowest(xyz_m, cell_m, low, high):  # type: ignore[no-untyped-def]
     """Index of the lowest point of each cell with any, column by column; `low` and `high` are the bounds of all."""
     corner = np.floor(low / cell_m)
-    columns, rows = int(np.floor(high[0] / cell_m) - corner[0]) + 1, int(np.floor(high[1] / cell_m) - corner[1]) + 1
+    columns = int(np.floor(high[0] / cell_m) - corner[0]) + 1
+    rows = int(np.floor(high[1] / cell_m) - corner[1]) + 1
     out = np.full(columns * rows, -1, np.int64)
     for i in range(len(xyz_m)):
-        column, row = np.floor(xyz_m[i, 0] / cell_m) - corner[0], np.floor(xyz_m[i, 1] / cell_m) - corner[1]
+        column = np.floor(xyz_m[i, 0] / cell_m) - corner[0]
+        row = np.floor(xyz_m[i, 1] / cell_m) - corner[1]
         cell = int(column) * rows + int(row)
         if out[cell] < 0 or xyz_m[i, 2] < xyz_m[out[cell], 2]:
             out[cell] = i

@@ -277,7 +277,8 @@ def _identify_crs(flat: pyproj.CRS, place: Bounds) -> pyproj.CRS:
     if code is None:
         return flat
     known = pyproj.CRS.from_epsg(code)
-    x, y = 0.5 * (place[0] + place[2]), 0.5 * (place[1] + place[3])
+    x = 0.5 * (place[0] + place[2])
+    y = 0.5 * (place[1] + place[3])
     there = pyproj.Transformer.from_crs(flat, known, always_xy=True).transform(x, y)
     return known if known.name == flat.name and math.dist((x, y), there) < SAME_PLACE_M else flat
 

@@ -253,7 +253,8 @@ def no_points_error(clouds: Clouds, box: Box | None) -> InputError:
 def _within(batch: CloudBatch, box: Box | None) -> CloudBatch:
     if box is None:
         return batch
-    x, y = batch.xyz_m[:, 0], batch.xyz_m[:, 1]
+    x = batch.xyz_m[:, 0]
+    y = batch.xyz_m[:, 1]
     return batch.where((x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3]))
 
 
@@ -277,7 +278,8 @@ def near_box(clouds: Clouds, progress: Progress = silent) -> tuple[Box | None, t
     if not any(sparse):
         return None, ()
     total = max(clouds.points, 1)
-    squares, counts = np.empty((0, 2)), np.empty(0, np.int64)
+    squares = np.empty((0, 2))
+    counts = np.empty(0, np.int64)
     for batch in clouds.batches(read=lambda done: progress("looking for far points", done / total)):
         found, number = np.unique(np.floor(batch.xyz_m[:, :2] / _SIDE_M), axis=0, return_counts=True)
         squares, inverse = np.unique(np.concatenate([squares, found]), axis=0, return_inverse=True)

@@ -78,7 +78,8 @@ def place_points(  # type: ignore[no-untyped-def]
     Between knots X is straight and ``R(t) = R_k exp(s·ω)``: Rodrigues' formula about the turn ω to the next knot. The
     rows of R that give easting and northing may be multiplied by a scale.
     """
-    n, m = len(t_s), len(knot_s)
+    n = len(t_s)
+    m = len(knot_s)
     out = np.empty((n, 3))
     known = np.zeros(n, np.bool_)
     k = 0
@@ -94,19 +95,26 @@ def place_points(  # type: ignore[no-untyped-def]
         if step > max_gap_s and 0.0 < share < 1.0:
             out[i] = np.nan
             continue
-        px, py, pz = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        px = xyz_m[i, 0]
+        py = xyz_m[i, 1]
+        pz = xyz_m[i, 2]
         vx = mount[0, 0] * px + mount[0, 1] * py + mount[0, 2] * pz + lever_m[0]
         vy = mount[1, 0] * px + mount[1, 1] * py + mount[1, 2] * pz + lever_m[1]
         vz = mount[2, 0] * px + mount[2, 1] * py + mount[2, 2] * pz + lever_m[2]
-        wx, wy, wz = share * turn_rad[k, 0], share * turn_rad[k, 1], share * turn_rad[k, 2]
+        wx = share * turn_rad[k, 0]
+        wy = share * turn_rad[k, 1]
+        wz = share * turn_rad[k, 2]
         square = wx * wx + wy * wy + wz * wz
         if square > 1e-4:
             angle = np.sqrt(square)
-            a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / square
+            a = np.sin(angle) / angle
+            b = (1.0 - np.cos(angle)) / square
         else:  # Taylor series of the same, good to 1e-15 here
             a = 1.0 - square * (1.0 / 6.0) * (1.0 - square * (1.0 / 20.0))
             b = 0.5 - square * (1.0 / 24.0) * (1.0 - square * (1.0 / 30.0))
-        cx, cy, cz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+        cx = wy * vz - wz * vy
+        cy = wz * vx - wx * vz
+        cz = wx * vy - wy * vx
         vx += a * cx + b * (wy * cz - wz * cy)
         vy += a * cy + b * (wz * cx - wx * cz)
         vz += a * cz + b * (wx * cy - wy * cx)
@@ -231,8 +239,11 @@ def place_scans(
     Raises:
         InputError: if time runs back from one scan to the next.
     """
-    trajectory, counts, placers = placer.trajectory, Counter[str](), (placer, *further)
-    scans_of, points_of = [0] * len(placers), [0] * len(placers)
+    trajectory = placer.trajectory
+    counts = Counter[str]()
+    placers = (placer, *further)
+    scans_of = [0] * len(placers)
+    points_of = [0] * len(placers)
     begin_s, end_s = trajectory.span_s
     first_s = last_s = float("nan")
     placed: list[tuple[int, float, int]] = []
@@ -245,7 +256,8 @@ def place_scans(
         scan_s = float(scan.t_s[0])
         if scan_s < last_s - DISORDER_S:
             raise InputError("scans-not-in-order", number=scan.number, at_s=iso_utc(scan_s), last_s=iso_utc(last_s))
-        first_s, last_s = first_s if np.isfinite(first_s) else scan_s, float(scan.t_s[-1])
+        first_s = first_s if np.isfinite(first_s) else scan_s
+        last_s = float(scan.t_s[-1])
         classification = classify(scan)
         if not placers[scan.scanner].covers(scan.t_s):
             known = placers[scan.scanner].place(scan)[1]
@@ -254,7 +266,8 @@ def place_scans(
             counts.update(
                 scans_without_pose=int(not count), points_without_pose=len(scan) - count, points_outside=outside
             )
-            scan, classification = scan[known], classification[known]
+            scan = scan[known]
+            classification = classification[known]
         if not len(scan):
             continue
         # Where a gap lies in the middle of a scan's time, the time of its middle point, which has a pose.
@@ -271,7 +284,8 @@ def place_scans(
         if within is not None:
             inside = within.contains(placers[scan.scanner].place(scan)[0] + placer.origin_m)
             counts["points_elsewhere"] += len(scan) - int(np.count_nonzero(inside))
-            scan, classification = scan[inside], classification[inside]
+            scan = scan[inside]
+            classification = classification[inside]
         counts["points"] += len(scan)
         points_of[scan.scanner] += len(scan)
         if not scan.scanner:
@@ -293,8 +307,11 @@ class _Waiting:
     """Scans on their way to a sink, which gets those of one scanner placed together, POINTS_AT_ONCE at least."""
 
     def __init__(self, sink: Callable[[PlacedScan], None], placers: Sequence[Placer]) -> None:
-        self._sink, self._placers = sink, placers
-        self._scans, self._classes, self._points = list[Scan](), list[NDArray[np.uint8]](), 0
+        self._sink = sink
+        self._placers = placers
+        self._scans = list[Scan]()
+        self._classes = list[NDArray[np.uint8]]()
+        self._points = 0
 
     def add(self, scan: Scan, classification: NDArray[np.uint8]) -> None:
         """Take a scan, all points of which have a pose, with their classes (n,)."""
@@ -316,7 +333,9 @@ class _Waiting:
             numbers = np.array([one.number for one in self._scans], np.uint32)
             number = np.repeat(numbers, [len(one) for one in self._scans]) if len(numbers) > 1 else scan.number
             self._sink(PlacedScan(scan, xyz, np.concatenate(self._classes), number))
-            self._scans, self._classes, self._points = [], [], 0
+            self._scans = []
+            self._classes = []
+            self._points = 0
 
 
 def _poses(trajectory: Trajectory, placed: Sequence[tuple[int, float, int]]) -> ScanPoses:

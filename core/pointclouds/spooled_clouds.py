@@ -87,7 +87,8 @@ def spool_clouds(
     surveys: list[Survey] = []
     seen = count = ground_count = 0
     total = max(clouds.points, 1)
-    first_s, last_s = math.inf, -math.inf
+    first_s = math.inf
+    last_s = -math.inf
     for batch in clouds.batches(box, classes, surveys.append, lambda done: progress("reading clouds", done / total)):
         kept = (seen + np.arange(len(batch.xyz_m))) % every == 0
         seen += len(kept)
@@ -97,7 +98,8 @@ def spool_clouds(
         count += int(np.count_nonzero(kept))
         ground_count += int(np.count_nonzero(of_ground))
         if batch.t_s is not None and len(batch.t_s) and np.isfinite(batch.t_s).any():
-            first_s, last_s = min(first_s, float(np.nanmin(batch.t_s))), max(last_s, float(np.nanmax(batch.t_s)))
+            first_s = min(first_s, float(np.nanmin(batch.t_s)))
+            last_s = max(last_s, float(np.nanmax(batch.t_s)))
     notices = tuple(notice for survey in surveys for notice in survey.notices())
     span = (first_s, last_s) if first_s <= last_s else None
     return SpooledClouds(points, ground, count, ground_count, span, notices)

@@ -137,7 +137,8 @@ class _Lows:
     def _lowest(self, key: Key) -> tuple[Key, FloatArray]:
         fine = self.spool.tile(key).surface(_LOWEST).height_m[::-1]
         n = self.cells
-        column, row = key[0] * SPOOL_TILE, key[1] * SPOOL_TILE
+        column = key[0] * SPOOL_TILE
+        row = key[1] * SPOOL_TILE
         first = (column // n, row // n)
         before = (row - first[1] * n, column - first[0] * n)
         after = tuple(-(size + skipped) % n for size, skipped in zip(fine.shape, before, strict=True))
@@ -161,7 +162,8 @@ def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | No
     """The ground of a block; None where there is none."""
     cell_m = lows.spool.cell_m
     margin = _margin(cell_m)
-    columns, rows = [key[0] for key in block], [key[1] for key in block]
+    columns = [key[0] for key in block]
+    rows = [key[1] for key in block]
     near = [
         (column, row)
         for column in range(min(columns) - margin, max(columns) + margin + 1)

@@ -137,11 +137,13 @@ def _lines(path: Path, unreadable: Callable[[str], InputError]) -> list[str]:
 
 def _rings(lines: list[str], unreadable: Callable[[str], InputError]) -> list[tuple[bool, FloatArray]]:
     """Rings with at least three corners: whether one drives through, and (n, 2) east and north in metres."""
-    rings, k = [], int(bool(lines) and lines[0].startswith("$"))
+    rings = []
+    k = int(bool(lines) and lines[0].startswith("$"))
     while k < len(lines):
         through = False
         while k < len(lines) and lines[k].casefold() in _FLAGS:  # some versions wrote the flag twice
-            through, k = lines[k].casefold() == _FLAGS[0], k + 1
+            through = lines[k].casefold() == _FLAGS[0]
+            k = k + 1
         try:
             count = int(lines[k])
             rows = [line.split(",")[:2] for line in lines[k + 1 : k + 1 + count]]

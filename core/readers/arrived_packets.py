@@ -135,7 +135,10 @@ class ArrivedPackets:
         if model is None:
             return
         mine = product == model.product
-        layout, offset, length, arrived_ns = model.layout, offset[mine], length[mine], arrived_ns[mine]
+        layout = model.layout
+        offset = offset[mine]
+        length = length[mine]
+        arrived_ns = arrived_ns[mine]
         numbered = maker is HESAI and bool((length == layout.lengths[0]).all())
         if numbered:
             number = data[(offset + length - 4)[:, None] + np.arange(4)].view("<u4")[:, 0].astype(np.int64)

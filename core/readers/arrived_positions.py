@@ -84,10 +84,12 @@ class ArrivedPositions:
 
     def _look(self) -> None:
         with self._lock:
-            data, arrived_s = bytes(self._bytes), self._arrived_s
+            data = bytes(self._bytes)
+            arrived_s = self._arrived_s
             self._bytes.clear()
         if self._kind is None and (kind := log_kind(data)) is not None:
-            self._kind, self.format = kind, kind.format
+            self._kind = kind
+            self.format = kind.format
         mark = _MARKS[self._kind] if self._kind else b""
         rest = data[-_MAX_MESSAGE:]
         with self._lock:  # the last message may be incomplete
@@ -102,12 +104,12 @@ class ArrivedPositions:
         track = positions.track
         if len(track):
             satellites = int(track.satellites[-1])
-            self.fix, self.satellites = Fix(int(track.fix[-1])), satellites if satellites >= 0 else None
-            self.t_s, self.lon_deg, self.lat_deg = (
-                float(track.t_s[-1]),
-                float(track.lon_deg[-1]),
-                float(track.lat_deg[-1]),
-            )
+            self.fix = Fix(int(track.fix[-1]))
+            self.satellites = satellites if satellites >= 0 else None
+            self.t_s = float(track.t_s[-1])
+            self.lon_deg = float(track.lon_deg[-1])
+            self.lat_deg = float(track.lat_deg[-1])
             self.late_s = arrived_s - self.t_s
         elif positions.without_position:
-            self.fix, self.satellites = Fix.NONE, None
+            self.fix = Fix.NONE
+            self.satellites = None

@@ -33,7 +33,9 @@ class ScanStream:
     """
 
     def __init__(self, capture: Path, model: str | None, source: str | None = None) -> None:
-        self._capture, self._model, self._source = capture, model, source
+        self._capture = capture
+        self._model = model
+        self._source = source
         self._held: list[Datagrams] = []
         self._decoder: PacketDecoder | OusterDecoder | None = None
         self._push: Callable[[Datagrams], list[Scan]] | None = None
@@ -60,7 +62,8 @@ class ScanStream:
         self._held.append(datagrams)
         if self._held[-1].time_s[-1] - self._held[0].time_s[0] < CLOCK_SHOWN_S:
             return []
-        held, self._held = self._held, []
+        held = self._held
+        self._held = []
         push = self._push = self._started(held)
         return [scan for part in held for scan in push(part)]
 
@@ -84,7 +87,8 @@ class ScanStream:
         clock, _ = settle(*packets)
         angles = AngleTable.beside([self._capture]) if maker.calibrated else None
         decoder = PacketDecoder(maker, self._model, angles=angles, clock=clock, where=str(self._capture))
-        self._decoder, traffic = decoder, SensorTraffic(maker, decoder)
+        self._decoder = decoder
+        traffic = SensorTraffic(maker, decoder)
 
         def push(datagrams: Datagrams) -> list[Scan]:
             product = traffic.sort(datagrams, senders[0])

@@ -67,7 +67,8 @@ class AttitudeCsv(FileReader):
     def _read(self, path: Path) -> tuple[FloatArray, FloatArray, str]:
         """UTC (n,), angles (n, 3), and the north of the headings."""
         with CsvFile(path, self.notices) as file:
-            north, has_level = file.find(NORTHS), set(LEVEL_COLUMNS) <= set(file.names)
+            north = file.find(NORTHS)
+            has_level = set(LEVEL_COLUMNS) <= set(file.names)
             if file.find(TIMES) is None or not (has_level or north):
                 raise InputError("missing-column", path=path, norths=", ".join(NORTHS))
             level = [

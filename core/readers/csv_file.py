@@ -187,7 +187,8 @@ class CsvFile(Source):
             end = rest.rfind(b"\n") + 1
             if end and not self._in_header:
                 yield rest[:end]
-                tail, rest = rest[max(0, end - MAX_TAIL_BYTES) : end], rest[end:]
+                tail = rest[max(0, end - MAX_TAIL_BYTES) : end]
+                rest = rest[end:]
             if len(rest) > LONGEST_LINE_BYTES:
                 raise InputError("not-a-table.line", path=self.path, most_mb=LONGEST_LINE_BYTES / 1e6)
         if not rest.strip() or self.fault:
@@ -199,7 +200,8 @@ class CsvFile(Source):
 
     def _with_unix_times(self, piece: bytes, columns: Sequence[str], line: int) -> bytes:
         """Complete lines with the ISO 8601 times in some columns as seconds since 1970."""
-        places, mark = [self.names.index(name) for name in columns], self._separator.encode()
+        places = [self.names.index(name) for name in columns]
+        mark = self._separator.encode()
         lines = piece.split(b"\n")
         for k, text in enumerate(lines):
             fields = text.rstrip(b"\r").split(mark)
@@ -295,7 +297,8 @@ def read_small(path: Path, max_bytes: int, notices: list[Notice]) -> tuple[bytes
     ValueError if it is larger, or no text.
     """
     with Source(path) as source:
-        data, fault = source.read(max_bytes + 1), source.fault
+        data = source.read(max_bytes + 1)
+        fault = source.fault
     if len(data) > max_bytes:
         raise ValueError(f"more than {max_bytes:,} bytes")
     if (kind := binary_kind(data)) is not None:

@@ -95,7 +95,8 @@ def in_order(
     repeated[1:] = (np.diff(t_s) == 0) & (np.diff(lon_deg) == 0) & (np.diff(lat_deg) == 0)
     backward = ~forward & ~repeated
     if backward.sum() > MAX_BACKWARD_SHARE * len(t_s):
-        first, steps_back = place(int(np.flatnonzero(backward)[0])), int(np.sum(np.diff(t_s) <= 0))
+        first = place(int(np.flatnonzero(backward)[0]))
+        steps_back = int(np.sum(np.diff(t_s) <= 0))
         if steps_back > max(MAX_SPLICES, 0.01 * len(t_s)):
             raise InputError("receivers-interleaved", first=first, steps_back=steps_back, t_s=len(t_s))
         raise InputError("time-disorder.disorder", first=first, backward=int(backward.sum()), t_s=len(t_s))

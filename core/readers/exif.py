@@ -53,7 +53,8 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     rows = [(line, row[file], row[time]) for line, row in cells if row.get(file) and row.get(time)]
     if len(rows) < len(cells):
         notices.append(Notice("rows-incomplete", source=path, whole=len(cells) - len(rows), rows=len(cells)))
-    seconds, paths = [], []
+    seconds = []
+    paths = []
     for line, name, text in rows:
         try:
             seconds.append(float(text) if time in TIMES else unix_time(text))
@@ -146,11 +147,14 @@ def _values(layout: RawLayout) -> int:
     return _VALUES_PER_PIXEL.get(layout.encoding, 1)
 
 
-TAKEN, OFFSET, SUBSECOND = 0x9003, 0x9011, 0x9291
+TAKEN = 0x9003
+OFFSET = 0x9011
+SUBSECOND = 0x9291
 """EXIF DateTimeOriginal, OffsetTimeOriginal, SubSecTimeOriginal."""
 MODIFIED: Final = 0x0132
 """TIFF DateTime."""
-EXIF, GPS = 0x8769, 0x8825
+EXIF = 0x8769
+GPS = 0x8825
 """Where the tags of EXIF and of GPS are."""
 XMP: Final = 0x02BC
 """XMP in a TIFF file."""
@@ -334,7 +338,8 @@ def _tags(path: Path) -> tuple[_Exposure, ExposureXmp]:
         warnings.simplefilter("ignore")
         with Image.open(path, formats=PILLOW_FORMATS) as image:
             tags = image.getexif()
-            inner, gps = tags.get_ifd(EXIF), tags.get_ifd(GPS)
+            inner = tags.get_ifd(EXIF)
+            gps = tags.get_ifd(GPS)
             modified = tags.get(MODIFIED)
             packet = image.info.get("xmp") or tags.get(XMP) or b""
     xmp = exposure_xmp(packet.encode() if isinstance(packet, str) else bytes(packet))

@@ -100,7 +100,8 @@ def pose_facts(track: PoseTrack) -> dict[str, Any]:
 
 def steps_m(track: GnssTrack) -> NDArray[np.float64]:
     """Horizontal distances (n − 1,) on the ellipsoid from each position to the next."""
-    lon, lat = track.lon_deg, track.lat_deg
+    lon = track.lon_deg
+    lat = track.lat_deg
     distance: NDArray[np.float64] = np.asarray(Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
     return distance
 

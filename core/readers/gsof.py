@@ -29,7 +29,13 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.gnss import Fix
 
-TIME, PLACE, VELOCITY, DILUTION, SIGMAS, ATTITUDE, SOLUTION = 1, 2, 8, 9, 12, 27, 38
+TIME = 1
+PLACE = 2
+VELOCITY = 8
+DILUTION = 9
+SIGMAS = 12
+ATTITUDE = 27
+SOLUTION = 38
 """Types of the records that are read."""
 _LAYOUTS: Final = {
     TIME: np.dtype([("ms", ">u4"), ("week", ">u2"), ("satellites", "u1"), ("flags", "u1"), ("solution", "u1")]),
@@ -51,16 +57,23 @@ _NAMES: Final = {
     38: "position type", 40: "L-band status", 41: "base position and quality", 49: "INS full navigation",
     50: "INS RMS", 57: "radio",
 }  # fmt: skip
-_STX, _ETX, _GENOUT = b"\x02", 0x03, 0x40
+_STX = b"\x02"
+_ETX = 0x03
+_GENOUT = 0x40
 _KEPT_RECORD_BYTES: Final = 200
 """Memory of a record that is kept."""
 _PACKET_BYTES: Final = 6
 """Of a packet without content."""
-_NEW, _HORIZONTAL = 1, 4
-_DIFFERENTIAL, _PHASE, _FIXED, _OMNISTAR = 1, 2, 4, 8
+_NEW = 1
+_HORIZONTAL = 4
+_DIFFERENTIAL = 1
+_PHASE = 2
+_FIXED = 4
+_OMNISTAR = 8
 _RTX: Final = 64
 _VELOCITY_VALID: Final = 1
-_YAW_VALID, _FIXED_MODE = 4, 3 << 8
+_YAW_VALID = 4
+_FIXED_MODE = 3 << 8
 """Bit of the flags of an attitude; mode of one with fixed ambiguities, with the reserved byte behind it."""
 
 _Content = tuple[int, bytes]
@@ -79,7 +92,9 @@ class _Scanner:
 
     def scan(self, data: bytes, base: int, last: bool) -> int:
         """Take the packets of a piece; the number of bytes that are done with."""
-        spans, at, used = [0], 0, len(data)
+        spans = [0]
+        at = 0
+        used = len(data)
         while (begin := data.find(_STX, at)) >= 0:
             end = begin + _PACKET_BYTES + (data[begin + 3] if begin + 3 < len(data) else 0)
             if end > len(data):
@@ -108,14 +123,17 @@ class _Scanner:
         number, page, last_page = content[:3]
         if page == 0:
             self.counts.bad += bool(self._pages)
-            self._pages, self._open = [content[3:]], (number, last_page)
+            self._pages = [content[3:]]
+            self._open = (number, last_page)
         elif self._open == (number, last_page) and page == len(self._pages):
             self._pages.append(content[3:])
         else:
             self.counts.bad += 1
             self._pages = []
         if self._pages and page == last_page:
-            records, self._pages, k = b"".join(self._pages), [], 0
+            records = b"".join(self._pages)
+            self._pages = []
+            k = 0
             while k + 2 <= len(records):
                 kind, size = records[k : k + 2]
                 record = records[k + 2 : k + 2 + size]
@@ -158,13 +176,15 @@ class GsofLog(PositionLog):
         return 0.3 if counts.intact > 2 and counts.message_bytes >= MIN_INTACT_SHARE * len(head.data) else 0.0
 
     def _read(self, paths: list[Path]) -> LoggedPositions:
-        scanner, ends = _Scanner(MessageCounts[str]()), []
+        scanner = _Scanner(MessageCounts[str]())
+        ends = []
         for source in self._sources(paths):
             scan_stream(source, scanner.counts, scanner.scan)
             ends.append(scanner.counts.stream_bytes)
         name = recording_name(paths)
         facts = log_facts(scanner.counts, "messages", str, name, self.notices)
-        time, place = scanner.messages(TIME), scanner.messages(PLACE)
+        time = scanner.messages(TIME)
+        place = scanner.messages(PLACE)
         base = time[np.isin(time.at, place.at)]
         if not len(base):
             kinds = ", ".join(kind for kind, _ in scanner.counts.kinds.most_common(4))

@@ -101,7 +101,8 @@ def strays(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[n
             at = far[anchor]
             for k in way:
                 if not _apart(at, near[k]):
-                    kept[k], at = True, far[k]
+                    kept[k] = True
+                    at = far[k]
         if size[kept].sum() > size[best].sum():
             best = kept
     return np.repeat(~best, size)

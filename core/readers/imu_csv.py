@@ -135,7 +135,8 @@ class ImuCsv(FileReader):
     def _read(self, path: Path, units: StatedUnits) -> tuple[FloatArray, FloatArray]:
         """UTC (n,), and angular rate and specific force (n, 6)."""
         with CsvFile(path, self.notices) as file:
-            schema, scale = imu_schema(units), file.time_scale
+            schema = imu_schema(units)
+            scale = file.time_scale
             if self.options.columns:
                 if units != UNITS_OF_FORMAT:
                     what = "`imu.columns` states units and scales, and so do `imu.rate_unit` and the keys beside it"

@@ -72,7 +72,8 @@ def imu_notices(track: InertialTrack) -> list[Notice]:
 
 def shown_units(track: InertialTrack) -> StatedUnits:
     """The units that measurements are in by what they show; None where those that they were read with are right."""
-    force, rate = _force_unit(track), _rate_unit(track)
+    force = _force_unit(track)
+    rate = _rate_unit(track)
     return StatedUnits(rate[1] if rate is not None else None, force[1] if force is not None else None)
 
 
@@ -217,7 +218,8 @@ def without_frozen(track: InertialTrack, notices: list[Notice]) -> InertialTrack
     """
     values = np.column_stack([track.rate_radps, track.force_mps2])
     same = np.diff(values, axis=0) == 0.0
-    frozen, axes = np.zeros(len(track), np.bool_), []
+    frozen = np.zeros(len(track), np.bool_)
+    axes = []
     for axis, name in enumerate([f"{kind} {axis}" for kind in ("angular rate", "specific force") for axis in "xyz"]):
         edges = np.flatnonzero(np.diff(same[:, axis], prepend=False, append=False)).reshape(-1, 2)
         repeated = max(float(same[:, axis].mean()), 1e-3)

@@ -144,7 +144,8 @@ class LineCsv(FileReader):
 
     def _sweeps(self, file: CsvFile) -> Iterator[Scan]:
         """The sweeps of one file; the last one of each piece is continued in the next."""
-        rest, swings = np.empty((0, 4)), None
+        rest = np.empty((0, 4))
+        swings = None
         for piece in file.pieces(LINE_SCHEMA):
             rows = piece[np.isfinite(piece[:, :2]).all(axis=1)]
             if not len(rows):
@@ -153,7 +154,8 @@ class LineCsv(FileReader):
             counts = self.counts
             latest = np.maximum.accumulate(np.concatenate([[counts.latest_s], rows[:, 0]]))
             forward = rows[:, 0] >= latest[:-1]
-            counts.latest_s, counts.rows = latest[-1], counts.rows + len(rows)
+            counts.latest_s = latest[-1]
+            counts.rows = counts.rows + len(rows)
             counts.late += int((~forward).sum())
             rows = np.concatenate([rest, rows[forward]])
             if len(rows) < 2:
@@ -170,7 +172,8 @@ class LineCsv(FileReader):
         counts = self.counts
         counts.firings += len(rows)
         with np.errstate(invalid="ignore"):
-            far, returned = rows[:, 2] > MAX_RANGE_M, (rows[:, 2] > 0.0) & (rows[:, 2] <= MAX_RANGE_M)
+            far = rows[:, 2] > MAX_RANGE_M
+            returned = (rows[:, 2] > 0.0) & (rows[:, 2] <= MAX_RANGE_M)
         counts.far += int(far.sum())
         if not returned.any():
             return
@@ -196,7 +199,8 @@ class _LineCounts:
 
     def take(self, t_s: FloatArray, angle_rad: FloatArray) -> None:
         """Count the returns (n,) of a sweep."""
-        self.scans, self.points = self.scans + 1, self.points + len(t_s)
+        self.scans = self.scans + 1
+        self.points = self.points + len(t_s)
         self.first_s, self.last_s = min(self.first_s, float(t_s[0])), max(self.last_s, float(t_s[-1]))
         low, high = self.angles_rad
         self.angles_rad = np.array([min(low, angle_rad.min()), max(high, angle_rad.max())])

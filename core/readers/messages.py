@@ -17,7 +17,8 @@ from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.memory import expect_rows
 
-FLETCHER, CRC = 0, 1
+FLETCHER = 0
+CRC = 1
 """Checksums: Fletcher's of 8 bits (RFC 1145), which ends a frame and covers all behind its synchronisation; CRC-CCITT
 (polynomial 1021 hexadecimal, initial value 0), which follows the synchronisation and covers all behind itself."""
 _POLYNOMIAL: Final = 0x1021
@@ -162,7 +163,8 @@ def count_foreign(data: Any, spans: Any) -> int:
     """Bytes in spans (n, 2) that are neither text nor in a message of RTCM 3, and not 0 or 255 (padding)."""
     foreign = 0
     for k in range(len(spans)):
-        i, end = spans[k, 0], spans[k, 1]
+        i = spans[k, 0]
+        end = spans[k, 1]
         while i < end:
             c = data[i]
             if c == _RTCM and i + 3 <= end and data[i + 1] < 4:
@@ -196,7 +198,8 @@ def _running_fletcher(data: Any) -> Any:
 @kernel()
 def _fletcher(running: Any, begin: Any, stop: Any) -> Any:
     """The checksum of a span: each byte before it counts once in the first sum, and once a byte in the second."""
-    before, after = np.int64(running[begin]), np.int64(running[stop])
+    before = np.int64(running[begin])
+    after = np.int64(running[stop])
     one = (after - before) & 255
     two = ((after >> 8) - (before >> 8) - (stop - begin) * (before & 255)) & 255
     return one | two << 8
@@ -335,7 +338,8 @@ def scan_stream(source: Source, counts: MessageCounts[Any], scan: Callable[[byte
 
     RefusedError if what is kept of the messages takes implausibly much memory for the size of the file.
     """
-    base, rest = counts.stream_bytes, b""
+    base = counts.stream_bytes
+    rest = b""
     kept_before = max(counts.row_bytes, counts.message_bytes)
     while True:
         block = source.read(MESSAGE_CHUNK_BYTES)

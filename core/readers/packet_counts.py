@@ -89,7 +89,8 @@ class ScannerCounts:
             notices.append(Notice("lost-packets", lost=self.lost, gaps=self.gaps, lost_s=self.lost_s, lost_share=share))
         if self.pauses_s:
             ends = dict.fromkeys(f"{end_s:,.3f}" for end_s in (min(self.pauses_s), max(self.pauses_s)))
-            count, words = len(self.pauses_s), " to ".join(ends)
+            count = len(self.pauses_s)
+            words = " to ".join(ends)
             notices.append(Notice("pauses", pauses=count, shortest_pause_s=words, paused_s=self.paused_s))
         if self.foreign:
             notices.append(Notice("packets-damaged", foreign=self.foreign))

@@ -108,7 +108,9 @@ def _join(data, at, stop, key, first, more, parts):  # type: ignore[no-untyped-d
         parts.used[2] += parts.counts[slot, 0]
         parts.used[1] += 1
         parts.key[slot] = key
-        parts.counts[slot, 0], parts.counts[slot, 1], parts.counts[slot, 2] = 0, 0, -1
+        parts.counts[slot, 0] = 0
+        parts.counts[slot, 1] = 0
+        parts.counts[slot, 2] = -1
         parts.counts[slot, 3] = parts.used[1]
         for block in range(parts.covered.shape[1]):
             parts.covered[slot, block] = False
@@ -139,7 +141,8 @@ def _datagram(data, start, stop, link, parts):  # type: ignore[no-untyped-def]
     """
     kind = -1  # where the type of what follows is; without one it is IP
     if link == 1:  # Ethernet
-        kind, at = start + 12, start + 14
+        kind = start + 12
+        at = start + 14
     elif link == 113 or link == 276:  # Linux cooked, versions 1 and 2
         kind, at = (start + 14, start + 16) if link == 113 else (start, start + 20)
     elif link == 0 or link == 108:  # BSD loopback: four bytes of address family
@@ -349,7 +352,9 @@ _PCAP_MAGIC: Final = {
 }
 _SECTION: Final = b"\x0a\x0d\x0d\x0a"
 _MAX_INTERFACES: Final = 1 << 10
-_END_OF_OPTIONS, _TIME_RESOLUTION, _TIME_OFFSET = 0, 9, 14
+_END_OF_OPTIONS = 0
+_TIME_RESOLUTION = 9
+_TIME_OFFSET = 14
 
 
 def capture_format(head: bytes) -> str:
@@ -535,10 +540,12 @@ class Capture:
         i = self._interfaces
         self._interfaces += 1
         self._links[i] = self._number(block[8:10])
-        self._ticks[i], self._shift_s[i] = 1_000_000, 0.0
+        self._ticks[i] = 1_000_000
+        self._shift_s[i] = 0.0
         at = 16
         while at + 4 <= len(block) - 4:
-            code, length = self._number(block[at : at + 2]), self._number(block[at + 2 : at + 4])
+            code = self._number(block[at : at + 2])
+            length = self._number(block[at + 2 : at + 4])
             value = block[at + 4 : at + 4 + length]
             if code == _END_OF_OPTIONS:
                 break
@@ -594,7 +601,8 @@ def first_datagrams(head: Head) -> Datagrams | None:
 
 def address_of(sender: int) -> str:
     """Source address and destination port of a sender (see `Datagrams.sender`), for messages."""
-    host, port = sender >> 16, sender & 0xFFFF
+    host = sender >> 16
+    port = sender & 0xFFFF
     return f"{IPv4Address(host) if host < 1 << 32 else 'an IPv6 address'} to port {port}"
 
 

@@ -111,8 +111,10 @@ class HeightRaster:
         They may lie beside the raster. rasterio's own boundless reading takes wrong cells of turned rasters (1.4).
         """
         out = np.full((rows[1] - rows[0], columns[1] - columns[0]), np.nan)
-        top, bottom = max(rows[0], 0), min(rows[1], self.dataset.height)
-        left, right = max(columns[0], 0), min(columns[1], self.dataset.width)
+        top = max(rows[0], 0)
+        bottom = min(rows[1], self.dataset.height)
+        left = max(columns[0], 0)
+        right = min(columns[1], self.dataset.width)
         if top < bottom and left < right:
             numbers = self.dataset.read(1, window=((top, bottom), (left, right)), masked=True)
             inside = np.s_[top - rows[0] : bottom - rows[0], left - columns[0] : right - columns[0]]
@@ -141,7 +143,8 @@ def height_scale(raster: Any, path: Path) -> HeightScale:
     """What the numbers of an open raster's first band mean; a band that states another unit holds no heights."""
     crs = CRS.from_wkt(raster.crs.to_wkt()) if raster.crs is not None else None
     stated = raster.units[0] or ""
-    number_scale, offset = float(raster.scales[0]), float(raster.offsets[0])
+    number_scale = float(raster.scales[0])
+    offset = float(raster.offsets[0])
     if not _may_hold_heights(raster):
         return HeightScale(crs, 1.0, number_scale, offset, (), seen=False, notices=())
     crs, stated, odd = _in_unit_of_keys(crs, stated, path)
@@ -255,7 +258,8 @@ def _undeclared(raster: Any, factor: float, shift_m: float) -> tuple[tuple[float
         odd = np.isin(numbers, candidates) | (np.abs(numbers * factor + shift_m) > _HIGHEST_M)
         heights = numbers[~odd]
         if len(heights):
-            low, high = min(low, float(heights.min())), max(high, float(heights.max()))
+            low = min(low, float(heights.min()))
+            high = max(high, float(heights.max()))
         seen.update(np.unique(numbers[odd])[:1000].tolist())
     if low > high:
         # without any height, 0 may be one: a plain at the sea, or a difference of surfaces

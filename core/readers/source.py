@@ -146,7 +146,8 @@ class Source(io.BufferedIOBase):
             return self._raw.read(size)
         if not self._piece:
             self._piece = memoryview(next(self._pieces, b""))
-        block, self._piece = self._piece[:size], self._piece[size:]
+        block = self._piece[:size]
+        self._piece = self._piece[size:]
         return block
 
     def _read_raw(self) -> bytes:
@@ -188,7 +189,10 @@ class Piece(Source):
     """Bytes in memory in the place of a file, such as the end of a log that is still written."""
 
     def __init__(self, data: bytes) -> None:
-        self.path, self.size_bytes, self.fault, self.compression = Path("stream"), len(data), "", ""
+        self.path = Path("stream")
+        self.size_bytes = len(data)
+        self.fault = ""
+        self.compression = ""
         self._raw = io.BytesIO(data)
         self._is_plain = True
 
@@ -231,7 +235,9 @@ def look(path: Path) -> Head:
         if path.is_dir():
             return Head(path, b"", "", path.suffix.lower())
         with Source(path) as source:
-            data, compression, fault = source.read(HEAD_BYTES), source.compression, source.fault
+            data = source.read(HEAD_BYTES)
+            compression = source.compression
+            fault = source.fault
     except OSError as error:
         raise InputError("unreadable", path=path, strerror=error.strerror) from None
     if not data:

@@ -125,7 +125,8 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         kinds[0] = "ellipsoidal height"
     if None not in kinds and kinds[0] != kinds[1]:
         raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
-    flat, wanted = horizontal_part(source), horizontal_part(target)
+    flat = horizontal_part(source)
+    wanted = horizontal_part(target)
     if not flat.equals(wanted, ignore_axis_order=True):
         change = crs_change(flat, wanted, bounds_in(flat, xyz[:, :2]))
         xyz = np.column_stack([change.points(xyz[:, :2]), xyz[:, 2]])

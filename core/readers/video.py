@@ -40,7 +40,8 @@ class Video:
         """The first frame and each `every`-th after it: seconds since the first, and pixels (height, width, 3), RGB."""
         import cv2
 
-        number, begin_s = 0, 0.0
+        number = 0
+        begin_s = 0.0
         while self._film.grab():
             at_s = 1e-3 * self._film.get(cv2.CAP_PROP_POS_MSEC)
             begin_s = at_s if number == 0 else begin_s

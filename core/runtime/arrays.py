@@ -74,7 +74,8 @@ def of_file(file: IO[bytes], shape: int | tuple[int, ...], dtype: DTypeLike) -> 
 
 def taken(array: NDArray[Any], part: slice) -> NDArray[Any]:
     """A copy of some rows, whose pages in a file no longer count as memory of the process."""
-    out, base = np.array(array[part]), cast("Any", array.base)
+    out = np.array(array[part])
+    base = cast("Any", array.base)
     if sys.platform != "win32" and isinstance(base, mmap.mmap) and len(out):
         begin = part.start * array.strides[0] // mmap.PAGESIZE * mmap.PAGESIZE
         base.madvise(mmap.MADV_DONTNEED, begin, min(part.stop, len(array)) * array.strides[0] - begin)
@@ -171,9 +172,11 @@ def check_columns(value: Any, increasing: str = "t_s", **widths: int) -> None:
     `widths` are those of arrays (n, width); all others are (n,). Attributes that are no arrays are ignored. ValueError
     if not.
     """
-    kind, column = type(value).__name__, getattr(value, increasing)
+    kind = type(value).__name__
+    column = getattr(value, increasing)
     for name in (field.name for field in fields(value)):
-        array, shape = getattr(value, name), (len(column), *([widths[name]] if name in widths else []))
+        array = getattr(value, name)
+        shape = (len(column), *([widths[name]] if name in widths else []))
         if isinstance(array, np.ndarray) and array.shape != shape:
             raise ValueError(f"{kind}.{name} has shape {array.shape}, not {shape}")
     if len(column) > 1 and not bool(np.all(np.diff(column) > 0)):

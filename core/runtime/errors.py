@@ -89,7 +89,8 @@ class FurrowmapError(Exception):
 def _restored_error(kind: type[FurrowmapError], key: str, values: dict[str, Value]) -> FurrowmapError:
     """An error of another process: its values are printed already."""
     error = kind.__new__(kind, key, values)
-    error.key, error.values = key, values
+    error.key = key
+    error.values = values
     return error
 
 

@@ -17,7 +17,8 @@ holds those it is given. These are atomic; two threads that take turns at them w
 @kernel_part()
 def count_until(values, limit):  # type: ignore[no-untyped-def]
     """Number of increasing values (n,) up to a limit; numba compiles its `np.searchsorted` for a third of a second."""
-    begin, end = 0, len(values)
+    begin = 0
+    end = len(values)
     while begin < end:
         middle = (begin + end) >> 1
         if values[middle] <= limit:

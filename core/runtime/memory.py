@@ -168,7 +168,8 @@ if sys.platform == "win32":
         kernel = ctypes.WinDLL("kernel32", use_last_error=True)
         kernel.GetCurrentProcess.restype = ctypes.c_void_p
         kernel.K32GetProcessMemoryInfo.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)
-        counters, size = MemoryCounters(), ctypes.sizeof(MemoryCounters)
+        counters = MemoryCounters()
+        size = ctypes.sizeof(MemoryCounters)
         if not kernel.K32GetProcessMemoryInfo(kernel.GetCurrentProcess(), ctypes.byref(counters), size):
             raise ctypes.WinError(ctypes.get_last_error())
         return int(counters.peak_working_set)

@@ -36,7 +36,8 @@ def packed(value: object) -> Iterator[bytes | memoryview]:
         if not isinstance(value, np.ndarray) or value.dtype.kind not in _ARRAY_KINDS:
             raise TypeError(f"{type(value).__name__} cannot be packed")
         arrays.append(value)
-        begin, size = size, size + value.nbytes
+        begin = size
+        size = size + value.nbytes
         return msgspec.msgpack.Ext(_ARRAY, msgspec.msgpack.encode((value.dtype.str, value.shape, begin)))
 
     head = msgspec.msgpack.encode(value, enc_hook=encoded)

@@ -141,12 +141,14 @@ class RecordSpool:
 
         Each part is read into an array from `room`, which must be as long as the longest block.
         """
-        buffer, used = room(), 0
+        buffer = room()
+        used = 0
         for block in self._blocks:
             start, stop = block.starts[np.searchsorted(block.keys, [first, end])].tolist()
             if used + stop - start > len(buffer):
                 yield buffer[:used]
-                buffer, used = room(), 0
+                buffer = room()
+                used = 0
             if stop > start:
                 self._read(start, buffer[used : used + stop - start])
                 used += stop - start

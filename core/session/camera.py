@@ -88,7 +88,8 @@ def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]
                 "session-path-outside.entries", session_file=session_file, named=named, most=MAX_ENTRIES
             ) from None
         except (OSError, ValueError):
-            paths, there = [], []
+            paths = []
+            there = []
         if any(leads_out(path, folder) for path in paths):
             raise _outside(session_file, named)
         if not there:
@@ -102,7 +103,8 @@ def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -
 
     InputError if a file lies outside the session's folder, or the table cannot be read.
     """
-    folder, parts = resolved(session_file).parent, []
+    folder = resolved(session_file).parent
+    parts = []
     table = camera_table(session_file, source)
     if table is not None:
         parts.append(read_image_table(table, folder, notices))

@@ -45,7 +45,8 @@ class Examined:
     @classmethod
     def each(cls, path: Path) -> "list[Examined]":
         """As :meth:`read`, once for each maker whose scanner is in a capture and can be read."""
-        makers, found = cls._of_makers(path), list[Examined]()
+        makers = cls._of_makers(path)
+        found = list[Examined]()
         found.append(next(makers))
         with suppress(InputError):
             found += makers

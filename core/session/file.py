@@ -114,7 +114,8 @@ def apart(data: dict[str, Any]) -> dict[str, Any]:
                     range(len(several)), key=lambda k: (several[k].get("moves_soil") is not True, x_m(several[k]))
                 )
             data = data | {table: several[first], further: several[:first] + several[first + 1 :]}
-    lidar, recording = data.get("lidar"), data.get("recording")
+    lidar = data.get("lidar")
+    recording = data.get("recording")
     if isinstance(lidar, dict) and isinstance(recording, dict):
         for key, whole in (("files", "lidar"), ("minus_gnss_s", "lidar_minus_gnss_s")):
             if key in lidar and whole not in recording:

@@ -57,7 +57,8 @@ class FlownMounting:
         """Roll, pitch, yaw of the scanner if :attr:`looking_axis` points to one of :data:`LOOKS`."""
         vehicle_up = Mounting((0.0, 0.0, 0.0), self.imu_rpy_deg).rotation @ self.imu_up
         axis = np.array([0.0, 0.0, 1.0] if self.looking_axis == "z" else [1.0, 0.0, 0.0])
-        wanted_deg, yaw_deg = 90.0 * LOOKS.index(look), 0.0
+        wanted_deg = 90.0 * LOOKS.index(look)
+        yaw_deg = 0.0
         for _ in range(3):  # the mean tilt of the vehicle, by which roll and pitch depend on the yaw, is small
             rpy_deg = levelling_rpy_deg(self.lidar_up, vehicle_up, yaw_deg)
             x, y, _ = Mounting((0.0, 0.0, 0.0), rpy_deg).rotation @ axis
@@ -70,8 +71,11 @@ def levelling_rpy_deg(up: FloatArray, vehicle_up: FloatArray, yaw_deg: float) ->
     """Roll and pitch that, with a yaw, turn an upward direction (3,) of a sensor to that of the vehicle (3,)."""
     a, b, c = up / np.linalg.norm(up)
     e, n, h = vehicle_up / np.linalg.norm(vehicle_up)
-    cos, sin = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
-    x, y = cos * e + sin * n, cos * n - sin * e  # as roll and pitch have to turn it
+    cos = math.cos(math.radians(yaw_deg))
+    sin = math.sin(math.radians(yaw_deg))
+    # as roll and pitch have to turn it
+    x = cos * e + sin * n
+    y = cos * n - sin * e
     across = math.hypot(b, c)
     roll = (math.acos(min(max(y / across, -1.0), 1.0)) if across > 0.0 else 0.0) - math.atan2(c, b)
     pitch = math.atan2(x, h) - math.atan2(a, b * math.sin(roll) + c * math.cos(roll))
@@ -93,7 +97,9 @@ def flight_of(lidar: Sequence[Examined], inertial: Sequence[Examined]) -> FlownM
     if not (isinstance(measured, GivesInertial) and isinstance(scanned, GivesScans)):
         return None
     imu = measured.inertial()
-    heights, lidar_ups, imu_ups = list[float](), list[FloatArray](), list[FloatArray]()
+    heights = list[float]()
+    lidar_ups = list[FloatArray]()
+    imu_ups = list[FloatArray]()
     for scan in scanned.scans():
         if scan.number % _EVERY or not scan.whole:
             continue
@@ -110,7 +116,8 @@ def flight_of(lidar: Sequence[Examined], inertial: Sequence[Examined]) -> FlownM
     if len(heights) < _FEWEST_SCANS or np.median(height_m) < _LOWEST_FLIGHT_M:
         return None
     flown = height_m > 0.5 * np.median(height_m)  # not while taking off
-    lidar_up, imu_up = np.array(lidar_ups)[flown].mean(axis=0), np.array(imu_ups)[flown].mean(axis=0)
+    lidar_up = np.array(lidar_ups)[flown].mean(axis=0)
+    imu_up = np.array(imu_ups)[flown].mean(axis=0)
     return FlownMounting(
         float(np.median(height_m[flown])), lidar_up / np.linalg.norm(lidar_up), imu_up / np.linalg.norm(imu_up)
     )

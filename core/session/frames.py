@@ -65,13 +65,16 @@ class FrameTree:
 
     def _in_root(self, name: str) -> FloatArray:
         """(4, 4) from a frame to the vehicle frame."""
-        whole, frame = np.eye(4), self[name]
+        whole = np.eye(4)
+        frame = self[name]
         while frame.name != BASE:
             if frame.pose is None:
                 raise ValueError(f"{frame.name} moves against {BASE}, or lies above it: a transform needs a time")
             step = np.eye(4)
-            step[:3, :3], step[:3, 3] = frame.pose.rotation, frame.pose.xyz_m
-            whole, frame = step @ whole, self[frame.parent]
+            step[:3, :3] = frame.pose.rotation
+            step[:3, 3] = frame.pose.xyz_m
+            whole = step @ whole
+            frame = self[frame.parent]
         return whole
 
     @property
@@ -83,7 +86,8 @@ class FrameTree:
         """For JSON: each frame with its parent, translation, angles and quaternion (x, y, z, w, as in ROS)."""
         out = []
         for frame in self.frames:
-            pose, turned = frame.pose, frame.pose if frame.has_axes else None
+            pose = frame.pose
+            turned = frame.pose if frame.has_axes else None
             out.append(
                 {
                     "name": frame.name,

@@ -87,7 +87,8 @@ def machine_text(machine: Machine) -> str:
 
 def machine_of(session: Session, name: str) -> Machine:
     """The machine that a session describes; what it does not state is left out."""
-    imu, camera = session.imu, session.camera
+    imu = session.imu
+    camera = session.camera
     kept = MachineImplement.__struct_fields__
     tools = tuple(MachineImplement(**{name: getattr(tool, name) for name in kept}) for tool in session.implements)
     places = (camera.xyz_m, camera.rpy_deg) if camera is not None else (ORIGIN, ORIGIN)
@@ -109,7 +110,8 @@ def learned(machine: Machine, found: LearnedMounting) -> Machine:
     """The machine with the mounting of its scanner as a recording shows it."""
     lidar = machine.lidar or Lidar()
     roll, pitch, yaw = (round(sigma, 4) if math.isfinite(sigma) else NOT_SHOWN_DEG for sigma in found.sigma_deg)
-    (x, y, z), (a, b, c) = found.mounting.xyz_m, found.mounting.rpy_deg
+    x, y, z = found.mounting.xyz_m
+    a, b, c = found.mounting.rpy_deg
     return msgspec.structs.replace(
         machine,
         lidar=msgspec.structs.replace(

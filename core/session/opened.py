@@ -96,8 +96,10 @@ class Inputs:
         def several(names: tuple[str, ...]) -> tuple[Path, ...]:
             return tuple(resolve(session_file, name) for name in names)
 
-        stated, attitude = session.trajectory, session.attitude
-        parcels, camera = session.parcels, session.camera
+        stated = session.trajectory
+        attitude = session.attitude
+        parcels = session.parcels
+        camera = session.camera
         return cls(
             lidar=several(session.recording.lidar),
             further_lidars=tuple(several(lidar.files) for lidar in session.lidars[1:]),
@@ -142,7 +144,9 @@ class LidarRecording:
     """
 
     def __init__(self, reader: GivesScans, minus_gnss_s: float, span_s: Span = WHOLE_SPAN) -> None:
-        self._reader, self._minus_gnss_s, self._span_s = reader, minus_gnss_s, span_s
+        self._reader = reader
+        self._minus_gnss_s = minus_gnss_s
+        self._span_s = span_s
 
     def scans(self) -> Iterator[Scan]:
         """All scans in time order; `notices` and `clocks` are complete when they have ended."""
@@ -196,7 +200,8 @@ class OpenSession:
 
     def positions(self) -> Reader:
         """A reader of the GNSS positions, or of the external trajectory; InputError if a file does not give them."""
-        recording, stated = self.session.recording, self.session.trajectory
+        recording = self.session.recording
+        stated = self.session.trajectory
         options = ReadOptions(
             date=recording.date,
             time=stated.time if stated is not None else None,
@@ -269,7 +274,8 @@ class OpenSession:
         `near_s` is a time of the drive by the clock of the positions, for scanner clocks that show only part of a time.
         """
         lidar = self.session.lidars[number]
-        minus_gnss_s, paths = lidar.minus_gnss_s or 0.0, (self.inputs.lidar, *self.inputs.further_lidars)[number]
+        minus_gnss_s = lidar.minus_gnss_s or 0.0
+        paths = (self.inputs.lidar, *self.inputs.further_lidars)[number]
         options = ReadOptions(model=lidar.model, source=lidar.source, near_s=near_s + minus_gnss_s, glance_s=glance_s)
         reader = _open(paths, options, GivesScans, "lidar.files" if number else "recording.lidar")
         return LidarRecording(reader, minus_gnss_s, self.session.recording.span_s)
@@ -316,7 +322,8 @@ def resolve(session_file: Path, named: str) -> Path:
         if is_whole:
             inside += [file for below in inside if below.is_dir() for file in below.iterdir()]
         is_outside = any(leads_out(place, folder) for place in (path, *(inside if is_whole else ())))
-        is_file, is_folder = path.is_file(), path.is_dir()
+        is_file = path.is_file()
+        is_folder = path.is_dir()
     except (OSError, ValueError) as error:
         raise InputError("session-file-missing.resolve", session_file=session_file, named=named, error=error) from None
     if is_outside:

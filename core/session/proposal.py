@@ -236,7 +236,8 @@ def propose_session(
     others = [*states, *inertial, *attitude]
     used = [*lidar, *gnss, *poses, *others]
     if not used:
-        title, path = ordered[0].inspection.title, ordered[0].path
+        title = ordered[0].inspection.title
+        path = ordered[0].path
         finished = path.name if ordered[0].inspection.format == "las" else None
         raise InputError("no-recording.nothing-recorded", other=path, title=title, other_2=finished)
     matches = [match for match in time_matches(ordered) if match.positions not in {r.path for r in repeated}]
@@ -247,7 +248,8 @@ def propose_session(
     date = next((b.date for b in beginnings if b.date), None) if undated else None
     flight = flight_of(lidar, inertial) if machine is None and not states else None
     flies = flight is not None or (not states and (bool(attitude) or (bool(inertial) and not lidar)))
-    machine, sensed = machine or Machine(), bool(lidar or inertial or attitude)
+    machine = machine or Machine()
+    sensed = bool(lidar or inertial or attitude)
     text = "\n".join(
         [
             _head(folder, machine),
@@ -328,7 +330,8 @@ def with_recorded(
         if files:
             text = with_value(text, "recording", key, _listed(files))
     for number, files in enumerate(scanners[1:]):
-        stem, line = files[0].rpartition("-")[0], f"files = {_listed(files)}"
+        stem = files[0].rpartition("-")[0]
+        line = f"files = {_listed(files)}"
         text, known = re.subn(rf'^files = \["{re.escape(stem)}-[^\n]*', line, text, count=1, flags=re.MULTILINE)
         if not known:
             own = machine.further_lidars[number] if number < len(machine.further_lidars) else None
@@ -342,7 +345,8 @@ def with_recorded(
 
 def _apart(gnss: Sequence[Examined]) -> tuple[list[Examined], list[Examined]]:
     """The logs of positions without those that lie within the time of an earlier one, and these."""
-    kept, repeated = list[Examined](), list[Examined]()
+    kept = list[Examined]()
+    repeated = list[Examined]()
     for log in gnss:
         clock = log.position_clock
         known = [each.position_clock for each in kept]
@@ -369,12 +373,16 @@ def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
     try:
         if isinstance(reader, GivesTrack):
             track = reader.track()
-            t_s, lon_deg, lat_deg = track.t_s, track.lon_deg, track.lat_deg
+            t_s = track.t_s
+            lon_deg = track.lon_deg
+            lat_deg = track.lat_deg
         elif isinstance(reader, GivesPoses):
             poses = reader.poses()
             if poses.projected:
                 return _projected_beginning(recording, float(poses.position[0, 0]), float(poses.position[0, 1]))
-            t_s, lon_deg, lat_deg = poses.t_s, poses.position[:, 0], poses.position[:, 1]
+            t_s = poses.t_s
+            lon_deg = poses.position[:, 0]
+            lat_deg = poses.position[:, 1]
         else:
             return _Beginning()
     except InputError as error:
@@ -393,7 +401,8 @@ def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginn
     place = recording.inspection.facts.get("place")
     if place is None:
         return _Beginning()
-    lon_deg, lat_deg = place["lon_deg"], place["lat_deg"]
+    lon_deg = place["lon_deg"]
+    lat_deg = place["lat_deg"]
     choices = [choice for choose in (choose_crs, choose_utm) if (choice := choose(lon_deg, lat_deg)) is not None]
     for crs in choices:
         there_m = Transformer.from_crs("EPSG:4326", crs.code, always_xy=True).transform(lon_deg, lat_deg)
@@ -474,9 +483,11 @@ def _times(matches: Sequence[str], date: str | None, *, undated: bool) -> str:
 
 def _crs(crs: CrsChoice | None) -> str:
     if crs is None:
-        words, code = ["Projected CRS of the map; the location is unknown."], FILL_IN
+        words = ["Projected CRS of the map; the location is unknown."]
+        code = FILL_IN
     else:
-        words, code = [f"{crs.name}: {crs.reason}.", *(f"Or {other}." for other in crs.alternatives)], crs.code
+        words = [f"{crs.name}: {crs.reason}.", *(f"Or {other}." for other in crs.alternatives)]
+        code = crs.code
     comments = "\n".join(f"# {printable(line)}" for line in words)
     return f"""\
 [crs]
@@ -536,7 +547,8 @@ def _parcels(beside: TrialFiles, folder: Path, *, measured: bool) -> str:
         lines.append(f"treatments = {_quoted(*_inside([beside.treatments], folder))}")
     if not measured:
         lines = [line if line.startswith("#") else f"# {line}" for line in lines]
-    count, column = beside.parcels.parcels, printable(beside.parcels.column)
+    count = beside.parcels.parcels
+    column = printable(beside.parcels.column)
     return "\n".join([f"# Parcels of a trial: {count} polygons with identifiers in the column {column}.", *lines, ""])
 
 

@@ -90,7 +90,8 @@ class SiteCoordinates:
         }
 
     def _positions(self) -> str:
-        move, stated = self.transform.epoch, self.frame.stated
+        move = self.transform.epoch
+        stated = self.frame.stated
         if move is not None:
             across_m = float(np.hypot(move.east_m, move.north_m))
             way = compass_direction(move.east_m, move.north_m)
@@ -138,14 +139,17 @@ class SiteCoordinates:
 def site_coordinates(session_file: str | Path) -> SiteCoordinates:
     """The coordinates of a session and their transformation. Raises FurrowmapError if they cannot be transformed."""
     opened = open_session(Path(session_file))
-    session, frame, reader = opened.session, opened.frame, opened.positions()
+    session = opened.session
+    frame = opened.frame
+    reader = opened.positions()
     if isinstance(reader, GivesPoses) and session.trajectory is not None:
         poses, transform = transform_poses(reader.poses(), frame)
         t_s = poses.t_s
         if poses.projected:
             lon, lat = frame.to_lon_lat(poses.position[:, 0], poses.position[:, 1])
         else:
-            lon, lat = poses.position[:, 0], poses.position[:, 1]
+            lon = poses.position[:, 0]
+            lat = poses.position[:, 1]
     else:
         assert isinstance(reader, GivesTrack)
         recorded = reader.track()
@@ -153,7 +157,9 @@ def site_coordinates(session_file: str | Path) -> SiteCoordinates:
         if not placed.any():
             raise InputError("gnss-no-positions", source=recorded.source or "The GNSS log", recorded=len(recorded))
         track, transform = transform_track(recorded[placed], frame)
-        lon, lat, t_s = track.lon_deg, track.lat_deg, track.t_s
+        lon = track.lon_deg
+        lat = track.lat_deg
+        t_s = track.t_s
     return _at(frame, transform, *middle_deg(lon, lat), (float(t_s[0]), float(t_s[-1])))
 
 

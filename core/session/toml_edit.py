@@ -43,7 +43,8 @@ def _changed(text: str, table: str, key: str, value: str, origin: str) -> str:
         return _in_table(text, head, key, value, origin)
     first = _TABLE_HEADER.search(text)
     end = first.start() if first is not None else len(text)
-    root, rest = text[:end], text[end:]
+    root = text[:end]
+    rest = text[end:]
     inline = re.search(rf"^[ \t]*{table}[ \t]*=[ \t]*\{{([^}}\n]*)\}}", root, re.MULTILINE)
     if inline is not None:
         return root[: inline.start(1)] + _in_braces(inline.group(1), key, value) + root[inline.end(1) :] + rest

@@ -45,7 +45,8 @@ def records(time_us: NDArray[np.int64], payload: Bytes, port: int, number: int) 
     frame[:, :16] = np.column_stack(
         [time_us // 1_000_000, time_us % 1_000_000, np.full(n, HEADERS + k), np.full(n, HEADERS + k)]
     ).astype("<u4").view(np.uint8).reshape(n, 16)  # fmt: skip
-    ip, udp = 16 + 14, 16 + 14 + 20
+    ip = 16 + 14
+    udp = 16 + 14 + 20
     frame[:, 16:ip] = np.frombuffer(_ETHERNET, np.uint8)
     frame[:, ip : udp + 8] = np.frombuffer(frame_head((_SCANNER, port), (_ALL, port), k)[14:], np.uint8)
     _put(frame, ip + 4, (number + np.arange(n)) & 0xFFFF)

@@ -92,8 +92,11 @@ class _Line:
             self.stops.append((self.length_m, gear_s))
             self._gear = piece.gear
         x0, y0, yaw0 = self._at
-        c, s = math.cos(yaw0), math.sin(yaw0)
-        x, y, yaw = x0 + c * piece.x - s * piece.y, y0 + s * piece.x + c * piece.y, yaw0 + piece.yaw
+        c = math.cos(yaw0)
+        s = math.sin(yaw0)
+        x = x0 + c * piece.x - s * piece.y
+        y = y0 + s * piece.x + c * piece.y
+        yaw = yaw0 + piece.yaw
         way = self.length_m + np.linspace(0.0, piece.length_m, n + 1)
         one = np.ones(n)
         self._parts.append((way[:n], x[:n], y[:n], yaw[:n], one * piece.gear, one * limit_mps))
@@ -118,7 +121,8 @@ def _arc(angle_rad: float, radius_m: float, ramp_m: float, gear: int = 1) -> _Pi
     plateau = turn * radius_m - ramp_m
     peak = 1.0 / radius_m
     if plateau < 0.0:
-        plateau, peak = 0.0, turn / ramp_m
+        plateau = 0.0
+        peak = turn / ramp_m
     length = plateau + 2.0 * ramp_m
     n = max(1, math.ceil(length / PATH_STEP_M))
     way = np.linspace(0.0, length, n + 1)
@@ -296,7 +300,8 @@ def _timetable(path: DrivenPath, drive: ScenarioDrive) -> tuple[FloatArray, Floa
     The speed is the highest that keeps the limits and stops with the stated acceleration: each limit spreads as
     ``v² + 2·a·distance`` to both sides, and the lowest of all counts.
     """
-    way, square = path.distance_m, path.limit_mps**2
+    way = path.distance_m
+    square = path.limit_mps**2
     stops = sorted(path.stops)
     standing = np.searchsorted(way, [at_m for at_m, _ in stops])
     square[standing] = square[0] = square[-1] = 0.0

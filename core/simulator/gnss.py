@@ -105,7 +105,8 @@ def sentences(fixes: Fixes, site: SimulatedSite, station: str) -> str:
         )
         speed = float(np.hypot(*fixes.velocity_mps[i]))
         way = f"{course[i]:.2f}" if speed >= _COURSE_FROM_MPS else ""
-        knots, mode = speed / KNOT_MPS, "R" if fixed else "F"
+        knots = speed / KNOT_MPS
+        mode = "R" if fixed else "F"
         lines.append(f"GNRMC,{time},A,{where},{knots:.3f},{way},{now:%d%m%y},,,{mode},V")
         across, up = fixes.sigma_m[i]
         lines.append(f"GNGST,{time},{across:.3f},{across:.4f},{across:.4f},0.0,{across:.4f},{across:.4f},{up:.4f}")

@@ -114,7 +114,8 @@ def stand_on(
     The rear axle lies on its two wheels and gives height and roll; the front axle swings about its middle, as on most
     tractors, so that only the mean of its wheels counts and gives pitch.
     """
-    half_rear, half_front = 0.5 * tractor.track_rear_m, 0.5 * tractor.track_front_m
+    half_rear = 0.5 * tractor.track_rear_m
+    half_front = 0.5 * tractor.track_front_m
     wheels = [
         (0.0, half_rear),
         (0.0, -half_rear),
@@ -124,7 +125,8 @@ def stand_on(
     rear_left, rear_right, front_left, front_right = (
         tyre_height(ground, track, x_m, y_m, tractor.tyre_m) for x_m, y_m in wheels
     )
-    rear, front = 0.5 * (rear_left + rear_right), 0.5 * (front_left + front_right)
+    rear = 0.5 * (rear_left + rear_right)
+    front = 0.5 * (front_left + front_right)
     n = len(track.t_s)
     driving = np.clip(np.abs(track.speed_mps) / 0.5, 0.0, 1.0)
     window = np.hanning(DRIVE_RATE_HZ // 2 + 2)[1:-1]
@@ -152,7 +154,8 @@ def tyre_height(ground: Ground, track: SimulatedTrack, x_m: float, y_m: float, t
     out = np.empty(len(track.t_s), np.float64)
     for begin in range(0, len(out), _MOTION_BLOCK):
         part = slice(begin, begin + _MOTION_BLOCK)
-        c, s = np.cos(track.yaw_rad[part, None]), np.sin(track.yaw_rad[part, None])
+        c = np.cos(track.yaw_rad[part, None])
+        s = np.sin(track.yaw_rad[part, None])
         e = track.e_m[part, None] + c * x - s * y
         n = track.n_m[part, None] + s * x + c * y
         t = np.broadcast_to(track.t_s[part, None], e.shape)

@@ -39,14 +39,20 @@ class Met(IntEnum):
     DUST = 7
 
 
-_SOIL, _TILLED, _STRAW, _OBJECT = int(Met.SOIL), int(Met.TILLED), int(Met.STRAW), int(Met.OBJECT)
-_IMPLEMENT, _BODY, _DUST = int(Met.IMPLEMENT), int(Met.BODY), int(Met.DUST)
+_SOIL = int(Met.SOIL)
+_TILLED = int(Met.TILLED)
+_STRAW = int(Met.STRAW)
+_OBJECT = int(Met.OBJECT)
+_IMPLEMENT = int(Met.IMPLEMENT)
+_BODY = int(Met.BODY)
+_DUST = int(Met.DUST)
 _BRIGHTNESS: Final = np.array([0.0, 31.0, 22.0, 54.0, 52.0, 58.0, 44.0, 12.0])
 """Reflectivity of each, in the sensor's units (255 a mirror, 100 a white sheet)."""
 _BRIGHTNESS_STEP: Final = 13.0
 """Reflectivity of a wall of brightness 1."""
 
-_HEIGHT, _FRONT_HEIGHT = 3, 5
+_HEIGHT = 3
+_FRONT_HEIGHT = 5
 """Columns of the firings with the heights of the tool, and of that in front."""
 _DUST_CENTRE = (-0.7, 0.6)
 """Of the dust cloud: behind the tool's line, above the ground."""
@@ -187,7 +193,8 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
     tool = _tool(scenario.implement, _HEIGHT)
     if scenario.front is not None:
         tool = np.concatenate([tool, _tool(scenario.front, _FRONT_HEIGHT)])
-    soil, flight = scenario.soil, scenario.flight
+    soil = scenario.soil
+    flight = scenario.flight
     body = scenario.tractor.body_boxes_m if flight is None else flight.body_boxes_m
     if crop is not None:
         row, col = (np.floor((np.arange(k) + 0.5) * (CELL / CROP_CELL)).astype(np.int64) for k in ground.before.shape)
@@ -219,14 +226,17 @@ def _crop_rows(scenario: Scenario) -> tuple[float, float, float]:
     if not spacing_m:
         return 0.0, 0.0, 0.0
     lane = math.radians(90.0 - scenario.drive.lane_heading_deg)
-    east, north = -math.sin(lane) / spacing_m, math.cos(lane) / spacing_m
+    east = -math.sin(lane) / spacing_m
+    north = math.cos(lane) / spacing_m
     x, y = scenario.drive.start_xy_m
     return east, north, 0.5 - east * x - north * y
 
 
 def make_optics(scenario: Scenario, beams: Beams, mount: FloatArray) -> Optics:
     """The sensor of a scenario; `mount` (3, 3) is its true rotation to the vehicle."""
-    lidar, noise, elevation = scenario.lidar, scenario.noise, np.radians(beams.elevation_deg)
+    lidar = scenario.lidar
+    noise = scenario.noise
+    elevation = np.radians(beams.elevation_deg)
     bias = random_for(scenario.seed, "lasers").normal(0.0, lidar.laser_bias_m, len(elevation))
     azimuth = np.radians(beams.azimuth_deg)
     return Optics(
@@ -278,23 +288,36 @@ def _meet_box(x, y, z, dx, dy, dz, x0, x1, y0, y1, z0, z1):  # type: ignore[no-u
         return math.inf, 0.0
     if (z > z1 and dz >= 0.0) or (z < z0 and dz <= 0.0):
         return math.inf, 0.0
-    enter, leave, cosine = 0.0, math.inf, 0.0
+    enter = 0.0
+    leave = math.inf
+    cosine = 0.0
     for axis in range(3):
         if axis == 0:
-            p, d, low, high = x, dx, x0, x1
+            p = x
+            d = dx
+            low = x0
+            high = x1
         elif axis == 1:
-            p, d, low, high = y, dy, y0, y1
+            p = y
+            d = dy
+            low = y0
+            high = y1
         else:
-            p, d, low, high = z, dz, z0, z1
+            p = z
+            d = dz
+            low = z0
+            high = z1
         if abs(d) < 1e-12:
             if p < low or p > high:
                 return math.inf, 0.0
             continue
-        a, b = (low - p) / d, (high - p) / d
+        a = (low - p) / d
+        b = (high - p) / d
         if a > b:
             a, b = b, a
         if a > enter:
-            enter, cosine = a, abs(d)
+            enter = a
+            cosine = abs(d)
         leave = min(leave, b)
         if leave <= enter:
             return math.inf, 0.0
@@ -306,7 +329,8 @@ def _meet_box(x, y, z, dx, dy, dz, x0, x1, y0, y1, z0, z1):  # type: ignore[no-u
 @njit(cache=True, nogil=True)
 def _meet_post(x, y, z, dx, dy, dz, post):  # type: ignore[no-untyped-def]
     """(range, cosine of the incidence) at which a beam meets the mantle of an upright post."""
-    ex, ey = x - post[0], y - post[1]
+    ex = x - post[0]
+    ey = y - post[1]
     a = dx * dx + dy * dy
     b = ex * dx + ey * dy
     root = b * b - a * (ex * ex + ey * ey - post[2] * post[2])
@@ -328,7 +352,9 @@ def _wrap(i, n):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore[no-untyped-def]
     """(range, what) at which a beam, above the mean plane by z and sinking by -dz, meets soil, straw or crop."""
-    ground, straw, crop = scene.ground, scene.straw, scene.crop
+    ground = scene.ground
+    straw = scene.straw
+    crop = scene.crop
     # the optical depth of crop at which the beam is stopped
     depth = -math.log(_chance(seed, ray, 12)) if len(crop) else 0.0
     rows, cols = ground.before.shape
@@ -339,7 +365,8 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
     s = 0.0
     while s < far:
         within = s + 1e-4  # a beam that stands on a border belongs to the block it goes into
-        i, j = math.floor((y + within * dy) / block), math.floor((x + within * dx) / block)
+        i = math.floor((y + within * dy) / block)
+        j = math.floor((x + within * dx) / block)
         leave = s + 2.0 * block / max(abs(dx), abs(dy), 0.01)
         if abs(dx) > 1e-9:
             leave = min(leave, ((j + 1 if dx > 0.0 else j) * block - x) / dx)
@@ -353,9 +380,12 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
         s = max(s, (ceiling + straw[1] - z) / dz)
         while s < leave and s < far:
             ahead = s + step
-            e, n, height = x + ahead * dx, y + ahead * dy, z + ahead * dz
+            e = x + ahead * dx
+            n = y + ahead * dy
+            height = z + ahead * dz
             if height < ceiling and height < relief_at(ground, e, n, t):
-                low, high = s, ahead
+                low = s
+                high = ahead
                 for _ in range(5):
                     middle = 0.5 * (low + high)
                     if z + middle * dz > relief_at(ground, x + middle * dx, y + middle * dy, t):
@@ -363,10 +393,12 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
                     else:
                         high = middle
                 return 0.5 * (low + high), _SOIL
-            row, col = math.floor(n / CELL), math.floor(e / CELL)
+            row = math.floor(n / CELL)
+            col = math.floor(e / CELL)
             place = _wrap(row, rows) * cols + _wrap(col, cols)
             if len(crop) and height < ceiling:
-                crop_row, crop_col = math.floor(n / CROP_CELL), math.floor(e / CROP_CELL)
+                crop_row = math.floor(n / CROP_CELL)
+                crop_col = math.floor(e / CROP_CELL)
                 stand = crop[_wrap(crop_row, crop.shape[0]), _wrap(crop_col, crop.shape[1])]
                 within = (stand + relief_at(ground, e, n, t) - height) if stand > 0.0 else 0.0
                 if within > 0.0:
@@ -391,8 +423,12 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
 @njit(cache=True, nogil=True)
 def _in_dust(x, y, z, dx, dy, dz, cloud):  # type: ignore[no-untyped-def]
     """(from, to) of a beam's way through the dust, inf where it passes by."""
-    px, py, pz = (x - cloud[0]) / cloud[3], (y - cloud[1]) / cloud[4], (z - cloud[2]) / cloud[5]
-    qx, qy, qz = dx / cloud[3], dy / cloud[4], dz / cloud[5]
+    px = (x - cloud[0]) / cloud[3]
+    py = (y - cloud[1]) / cloud[4]
+    pz = (z - cloud[2]) / cloud[5]
+    qx = dx / cloud[3]
+    qy = dy / cloud[4]
+    qz = dz / cloud[5]
     a = qx * qx + qy * qy + qz * qz
     b = px * qx + py * qy + pz * qz
     root = b * b - a * (px * px + py * py + pz * pz - 1.0)
@@ -410,7 +446,8 @@ def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflect
         if _chance(optics.seed, ray, 4 * slot) < loss:
             return False
     growth = min(5.0, max(cosine, 1e-3) ** -optics.noise[1])
-    u, v = _chance(optics.seed, ray, 4 * slot + 1), _chance(optics.seed, ray, 4 * slot + 2)
+    u = _chance(optics.seed, ray, 4 * slot + 1)
+    v = _chance(optics.seed, ray, 4 * slot + 2)
     normal = math.sqrt(-2.0 * math.log(u))
     r += optics.lasers[laser, 3] + normal * math.cos(2.0 * math.pi * v) * optics.noise[0] * growth
     if r < optics.reach[0] or r > optics.reach[1]:
@@ -426,7 +463,9 @@ def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflect
 
 @njit(cache=True, nogil=True)
 def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectivity, met, cell):  # type: ignore[no-untyped-def]
-    ground, mount, lasers = scene.ground, optics.mount, len(optics.lasers)
+    ground = scene.ground
+    mount = optics.mount
+    lasers = len(optics.lasers)
     rows, cols = ground.before.shape
     for i in range(len(moving)):
         t = moving[i, 0]
@@ -436,13 +475,18 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
         for laser in range(lasers):
             ray = (number + i) * lasers + laser
             azimuth = moving[i, 1] + moving[i, 2] * optics.lasers[laser, 5] + optics.lasers[laser, 4]
-            cosine, sine, offset = optics.lasers[laser, 0], optics.lasers[laser, 1], optics.lasers[laser, 2]
-            a, b, c = cosine * math.cos(azimuth), -cosine * math.sin(azimuth), sine
+            cosine = optics.lasers[laser, 0]
+            sine = optics.lasers[laser, 1]
+            offset = optics.lasers[laser, 2]
+            a = cosine * math.cos(azimuth)
+            b = -cosine * math.sin(azimuth)
+            c = sine
             # the beam in the vehicle frame, and in the local one
             vx = mount[0, 0] * a + mount[0, 1] * b + mount[0, 2] * c
             vy = mount[1, 0] * a + mount[1, 1] * b + mount[1, 2] * c
             vz = mount[2, 0] * a + mount[2, 1] * b + mount[2, 2] * c
-            u, v = optics.origin_m * math.cos(moving[i, 1]), -optics.origin_m * math.sin(moving[i, 1])
+            u = optics.origin_m * math.cos(moving[i, 1])
+            v = -optics.origin_m * math.sin(moving[i, 1])
             px = mount[0, 3] + mount[0, 0] * u + mount[0, 1] * v + mount[0, 2] * offset
             py = mount[1, 3] + mount[1, 0] * u + mount[1, 1] * v + mount[1, 2] * offset
             pz = mount[2, 3] + mount[2, 0] * u + mount[2, 1] * v + mount[2, 2] * offset
@@ -452,39 +496,58 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
             x = xyz[i, 0] + turn[0, 0] * px + turn[0, 1] * py + turn[0, 2] * pz
             y = xyz[i, 1] + turn[1, 0] * px + turn[1, 1] * py + turn[1, 2] * pz
             z = xyz[i, 2] + turn[2, 0] * px + turn[2, 1] * py + turn[2, 2] * pz
-            best, incidence, what, bright, hit = optics.reach[1] + 1.0, 0.0, 0, 0.0, -1
+            best = optics.reach[1] + 1.0
+            incidence = 0.0
+            what = 0
+            bright = 0.0
+            hit = -1
             for k in range(len(scene.body)):
                 box = scene.body[k]
                 r, q = _meet_box(px, py, pz, vx, vy, vz, box[0], box[1], box[2], box[3], box[4], box[5])
                 if r < best:
-                    best, incidence, what, bright = r, q, _BODY, _BRIGHTNESS[_BODY]
+                    best = r
+                    incidence = q
+                    what = _BODY
+                    bright = _BRIGHTNESS[_BODY]
             for k in range(len(scene.tool)):
                 box = scene.tool[k]
                 lift = moving[i, int(box[6])]
                 r, q = _meet_box(px, py, pz - lift, vx, vy, vz, box[0], box[1], box[2], box[3], box[4], box[5])
                 if r < best:
-                    best, incidence, what, bright = r, q, _IMPLEMENT, _BRIGHTNESS[_IMPLEMENT]
+                    best = r
+                    incidence = q
+                    what = _IMPLEMENT
+                    bright = _BRIGHTNESS[_IMPLEMENT]
             for k in range(len(scene.walls)):
                 w = scene.walls[k]
-                ex, ey = x - w[0], y - w[1]
+                ex = x - w[0]
+                ey = y - w[1]
                 r, q = _meet_box(
                     w[2] * ex + w[3] * ey, w[2] * ey - w[3] * ex, z, w[2] * dx + w[3] * dy, w[2] * dy - w[3] * dx, dz,
                     -w[4], w[4], -w[5], w[5], w[6], w[7],
                 )  # fmt: skip
                 if r < best:
-                    best, incidence, what, bright = r, q, _OBJECT, w[8]
+                    best = r
+                    incidence = q
+                    what = _OBJECT
+                    bright = w[8]
             for k in range(len(scene.posts)):
                 r, q = _meet_post(x, y, z, dx, dy, dz, scene.posts[k])
                 if r < best:
-                    best, incidence, what, bright = r, q, _OBJECT, _BRIGHTNESS[_OBJECT]
+                    best = r
+                    incidence = q
+                    what = _OBJECT
+                    bright = _BRIGHTNESS[_OBJECT]
             sinking = dz - ground.slope_e * dx - ground.slope_n * dy
             if sinking < -1e-4:
                 height = z - ground.slope_e * x - ground.slope_n * y
                 r, kind = _meet_ground(scene, optics.seed, ray, x, y, height, dx, dy, sinking, t, best)
                 if r < best:
-                    best, what = r, kind
+                    best = r
+                    what = kind
                     incidence = -sinking / math.sqrt(1.0 + ground.slope_e**2 + ground.slope_n**2)
-                    row, col = math.floor((y + r * dy) / CELL), math.floor((x + r * dx) / CELL)
+                    row = math.floor((y + r * dy) / CELL)
+                    col = math.floor((x + r * dx) / CELL)
                     if kind == _SOIL and 0 <= row < rows and 0 <= col < cols:
                         hit = row * cols + col
                         if t >= ground.first_s[row, col] or ground.worked_earlier[row, col]:

@@ -151,7 +151,8 @@ def _fill_blocks(blocks: NDArray[np.void], returns: Returns, mode: str) -> None:
     for name, values in (("ticks", returns.ticks), ("reflectivity", returns.reflectivity)):
         packed = values.reshape(2, len(blocks), -1, blocks.shape[2])
         if mode == "dual":
-            blocks[name][:, 0::2], blocks[name][:, 1::2] = packed[1], packed[0]
+            blocks[name][:, 0::2] = packed[1]
+            blocks[name][:, 1::2] = packed[0]
         else:
             blocks[name] = packed[0 if mode == "strongest" else 1]
 
@@ -173,7 +174,8 @@ def _xt32_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: in
         date = (at.year - 1900, at.month, at.day, at.hour, at.minute, at.second)
         packets["date"][stamp_us // 1_000_000 == second] = date
     packets["stamp_us"] = stamp_us % 1_000_000
-    packets["mode"], packets["speed"] = RETURN_MODE[mode], scenario.lidar.rpm
+    packets["mode"] = RETURN_MODE[mode]
+    packets["speed"] = scenario.lidar.rpm
     packets["sequence"] = first + np.arange(n)
     return packets.view(np.uint8).reshape(n, -1)
 
@@ -428,12 +430,12 @@ def messages(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, re
     out["points"]["reflectivity"] = returns.reflectivity[kept].reshape(n, -1)
     out["points"]["line"] = np.arange(points.size).reshape(n, -1) % _LINES
     stamp_ns = np.round(begin_s * 1e9).astype(np.int64) + 1000 * clock_us(scenario, site)
-    out["timebase"], out["sec"], out["nanosec"] = stamp_ns, stamp_ns // 10**9, stamp_ns % 10**9
-    out["sequence"], out["count"], out["points_count"] = (
-        first + np.arange(n),
-        _POINTS_A_SWING * _SWINGS,
-        _POINTS_A_SWING * _SWINGS,
-    )
+    out["timebase"] = stamp_ns
+    out["sec"] = stamp_ns // 10**9
+    out["nanosec"] = stamp_ns % 10**9
+    out["sequence"] = first + np.arange(n)
+    out["count"] = _POINTS_A_SWING * _SWINGS
+    out["points_count"] = _POINTS_A_SWING * _SWINGS
     return out.view(np.uint8).reshape(n, -1)
 
 
@@ -529,13 +531,19 @@ class _ReturnCounts:
 
 def record(file: Path, world: World, duration_s: float, progress: Progress) -> tuple[dict[str, Any], NDArray[np.uint8]]:
     """Write the capture of a drive or flight; its figures, and how often each cell was seen after its last working."""
-    scenario, site, ground, motion = world.scenario, world.site, world.ground, world.motion
+    scenario = world.scenario
+    site = world.site
+    ground = world.ground
+    motion = world.motion
     model = SCANNERS[scenario.lidar.model]
     spin = model.spin(scenario, duration_s)
     optics = make_optics(scenario, model.beams, mount_rotation(scenario.lidar.true_rpy_deg))
     scene = make_scene(scenario, ground, world.crop)
     rng = random_for(scenario.seed, "computer")
-    counts, seen, clock_us, position_packets = _ReturnCounts(), SeenAfter(scenario, ground), 0, 0
+    counts = _ReturnCounts()
+    seen = SeenAfter(scenario, ground)
+    clock_us = 0
+    position_packets = 0
     reported = 1 if scenario.lidar.return_mode == "last" else 0
     if model.beside is not None:
         name, text = model.beside(scenario)
@@ -567,7 +575,8 @@ def record(file: Path, world: World, duration_s: float, progress: Progress) -> t
                 position = position_packet(scenario, site, t_s, said)
                 out.write(data[begin:end].tobytes())
                 out.write(PCAP.records(beside_us, position, POSITION_PORT, 50_000 + position_packets).tobytes())
-                begin, position_packets = end, position_packets + 1
+                begin = end
+                position_packets = position_packets + 1
             out.write(data[begin:].tobytes())
             progress("lidar", (first + len(payload)) / spin.packets)
     return _figures(site, spin, counts, optics, model, position_packets), seen.image
@@ -594,7 +603,8 @@ def cast_in_order(
 
 
 def _firings(spin: Spin, first: int, packets: int, world: World, model: ScannerModel) -> Firings:
-    number, motion = first * spin.firings_a_packet, world.motion
+    number = first * spin.firings_a_packet
+    motion = world.motion
     t_s = spin.time_s(number + np.arange(packets * spin.firings_a_packet))
     xyz, rotation = motion.at(t_s)
     return Firings(

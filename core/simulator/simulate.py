@@ -74,7 +74,8 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
     motion = stand_on(ground, track, scenario.tractor, scenario.sway, random_for(scenario.seed, "sway"))
     world = World(scenario, site, ground, motion, mount=moving(scenario), front=ahead)
     capture = recording_file(scenario.lidar)
-    truth, end_s = folder / "truth", track.duration_s + scenario.lidar.stop_s
+    truth = folder / "truth"
+    end_s = track.duration_s + scenario.lidar.stop_s
     write_session(folder, scenario, capture, *_implements(scenario), ("[field]", {"boundary": "boundary.geojson"}))
     (folder / "boundary.geojson").write_text(_boundary(scenario, site), encoding="utf-8")
     gnss = receivers(scenario, site, motion, end_s)
@@ -115,7 +116,8 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
 
 def _implements(scenario: Scenario) -> list[tuple[str, dict[str, Any]]]:
     """The tables of the implements."""
-    rear, front = scenario.implement, scenario.front
+    rear = scenario.implement
+    front = scenario.front
     if front is None:
         return [("[implement]", _implement_keys(rear))]
     named = ((front.rear_name, rear), (front.name, front))
@@ -135,7 +137,8 @@ def _boundary(scenario: Scenario, site: SimulatedSite) -> str:
     """The parcel in GeoJSON (RFC 7946: longitude first, the ring counter-clockwise and closed)."""
     u0, u1, v0, v1 = scenario.field.boundary_uv_m
     lane = np.radians(90.0 - scenario.drive.lane_heading_deg)
-    u, v = np.array([u0, u1, u1, u0, u0]), np.array([v0, v0, v1, v1, v0])
+    u = np.array([u0, u1, u1, u0, u0])
+    v = np.array([v0, v0, v1, v1, v0])
     x0, y0 = scenario.drive.start_xy_m
     lon, lat = site.geographic(x0 + u * np.cos(lane) - v * np.sin(lane), y0 + u * np.sin(lane) + v * np.cos(lane))
     ring = [[round(float(a), 9), round(float(b), 9)] for a, b in zip(lon, lat, strict=True)]

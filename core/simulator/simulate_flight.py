@@ -48,12 +48,14 @@ def record_lines(
     file: Path, world: World, line: ScenarioLineScanner, duration_s: float, progress: Progress
 ) -> dict[str, Any]:
     """Write the scans as CSV: time, angle about the scanner's z axis from its x axis, range; its figures."""
-    scenario, site = world.scenario, world.site
+    scenario = world.scenario
+    site = world.site
     optics = make_optics(scenario, _BEAM, mount_rotation(scenario.lidar.true_rpy_deg))
     scene = make_scene(scenario, world.ground, world.crop)
     sweeps = max(0, math.floor((duration_s + scenario.lidar.stop_s - scenario.lidar.start_s) * line.rate_hz))
     stamped_s = site.t0_s + scenario.clock.true_lidar_minus_gnss_s
-    met, last_s = np.zeros(len(Met), np.int64), scenario.lidar.start_s
+    met = np.zeros(len(Met), np.int64)
+    last_s = scenario.lidar.start_s
     with file.open("w", encoding="ascii", newline="") as out:
         out.write("time_unix_s,angle_deg,range_m,intensity\n")
         batches = _batches(world, line, sweeps * line.beams)
@@ -125,7 +127,9 @@ def measure(imu: ScenarioImu, motion: SimulatedMotion, site: SimulatedSite, end_
     rate, force = exact(motion, site, t_s, np.asarray(imu.xyz_m))
     mounted = mount_rotation(imu.rpy_deg)
     true = np.concatenate([np.degrees(rate @ mounted), force @ mounted], axis=1)
-    rng, step_s, n = random_for(seed, "imu"), 1.0 / imu.rate_hz, len(t_s)
+    rng = random_for(seed, "imu")
+    step_s = 1.0 / imu.rate_hz
+    n = len(t_s)
     columns = np.empty((n, 6))
     bias = np.empty((n, 6))
     errors = (
@@ -208,17 +212,20 @@ def make_crop(scenario: Scenario, flight: Flight, ground: Ground) -> tuple[Float
         return None
     rng = random_for(scenario.seed, "crop")
     shape = tuple(round(k * CELL_M / CROP_CELL_M) for k in ground.before.shape)
-    crop, plot = np.zeros(shape, np.float32), np.zeros(shape, np.int16)
+    crop = np.zeros(shape, np.float32)
+    plot = np.zeros(shape, np.int16)
     plants = gaussian_filter(rng.standard_normal(shape, np.float32), PLANT_CELLS, mode="wrap")
     plants *= EAR_M / float(plants.std())
     gap = maximum_filter(rng.uniform(size=shape) < GAPS, 3, mode="wrap")
     e, n = ((np.arange(k) + 0.5) * CROP_CELL_M for k in (shape[1], shape[0]))
     for number, (e0, n0, direction, length, width, height) in enumerate(flight.plots_m, 1):
-        c, s = math.cos(math.radians(direction)), math.sin(math.radians(direction))
+        c = math.cos(math.radians(direction))
+        s = math.sin(math.radians(direction))
         along = c * (e[None, :] - e0) + s * (n[:, None] - n0)
         across = c * (n[:, None] - n0) - s * (e[None, :] - e0)
         inside = (np.abs(along) <= 0.5 * length) & (np.abs(across) <= 0.5 * width)
-        crop[inside], plot[inside] = np.where(gap[inside], 0.0, np.maximum(height + plants[inside], 0.0)), number
+        crop[inside] = np.where(gap[inside], 0.0, np.maximum(height + plants[inside], 0.0))
+        plot[inside] = number
     return crop, plot
 
 
@@ -235,7 +242,9 @@ def write_mounting(file: Path, lidar: ScenarioLidar) -> None:
 
 def write_ground(folder: Path, world: World, plots: NDArray[np.int16] | None) -> dict[str, Any]:
     """surface.npz, parcels_truth.csv and the check points; their figures."""
-    scenario, site, ground = world.scenario, world.site, world.ground
+    scenario = world.scenario
+    site = world.site
+    ground = world.ground
     rows, cols = (math.floor(m / TRUTH_PIXEL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
     e, n = ((np.arange(2 * k) + 0.5) * CROP_CELL_M for k in (cols, rows))
     soil = np.empty((rows, cols))
@@ -243,7 +252,8 @@ def write_ground(folder: Path, world: World, plots: NDArray[np.int16] | None) ->
         place = np.meshgrid(e, north)
         height = ground_height(ground, place[0].ravel(), place[1].ravel(), np.zeros(4 * cols))
         soil[row] = height.reshape(2, cols, 2).mean(axis=(0, 2))
-    canopy, parcel = np.zeros(soil.shape, np.float32), np.zeros(soil.shape, np.int16)
+    canopy = np.zeros(soil.shape, np.float32)
+    parcel = np.zeros(soil.shape, np.int16)
     if world.crop is not None and plots is not None:
         canopy, parcel = (quarters(fine, rows, cols).max(axis=2) for fine in (world.crop, plots))
     np.savez_compressed(
@@ -280,8 +290,10 @@ def _write_checks(
     taken = canopy > 0
     e, n = ((np.arange(k) + 0.5) * TRUTH_PIXEL_M for k in (soil.shape[1], soil.shape[0]))
     for e0, n0, direction, length, thick, *_ in scenario.walls:
-        c, s = math.cos(math.radians(direction)), math.sin(math.radians(direction))
-        along, across = c * (e - e0)[None, :] + s * (n - n0)[:, None], c * (n - n0)[:, None] - s * (e - e0)[None, :]
+        c = math.cos(math.radians(direction))
+        s = math.sin(math.radians(direction))
+        along = c * (e - e0)[None, :] + s * (n - n0)[:, None]
+        across = c * (n - n0)[:, None] - s * (e - e0)[None, :]
         taken |= (np.abs(along) <= 0.5 * length) & (np.abs(across) <= 0.5 * thick)
     margin = min(scenario.field.margin_m, 0.25 * min(scenario.field.size_e_m, scenario.field.size_n_m))
     inner = (e > margin) & (e < e[-1] - margin), (n > margin) & (n < n[-1] - margin)
@@ -328,7 +340,8 @@ def waypoints(flight: Flight) -> FloatArray:
     for k in range(flight.strips):
         ends = ((0.0, k * flight.spacing_m), (flight.strip_m, k * flight.spacing_m))
         path += ends if k % 2 == 0 else ends[::-1]
-    wide, over = (flight.strips - 1) * flight.spacing_m, 0.5 * flight.spacing_m
+    wide = (flight.strips - 1) * flight.spacing_m
+    over = 0.5 * flight.spacing_m
     places = flight.strip_m * (np.arange(flight.cross_strips) + 0.5) / max(flight.cross_strips, 1)
     if path[-1][0] > 0.0:
         places = places[::-1]
@@ -356,8 +369,10 @@ def fly(scenario: Scenario, flight: Flight, scale: float, rng: np.random.Generat
     en = en + np.array(flight.start_xy_m)
     en += flight.wander_m * np.column_stack([band_noise(rng, count, DRIVE_RATE_HZ, 0.03, 0.3) for _ in range(2)])
     yaw = yaw + np.radians(flight.yaw_wander_deg) * band_noise(rng, count, DRIVE_RATE_HZ, 0.05, 0.5)
-    soil, field = scenario.soil, scenario.field
-    rise, towards = 0.01 * soil.slope_percent, math.radians(soil.slope_towards_deg)
+    soil = scenario.soil
+    field = scenario.field
+    rise = 0.01 * soil.slope_percent
+    towards = math.radians(soil.slope_towards_deg)
     ground = 0.5 * rise * (field.size_e_m * math.sin(towards) + field.size_n_m * math.cos(towards))
     height = ground + flight.height_m + flight.heave_m * band_noise(rng, count, DRIVE_RATE_HZ, 0.05, 0.5)
     velocity = np.gradient(en, 1.0 / DRIVE_RATE_HZ, axis=0)
@@ -386,7 +401,8 @@ def _along(t_s: FloatArray, flight: Flight) -> tuple[FloatArray, FloatArray]:
     corners = _turn(waypoints(flight), flight.heading_deg)
     legs = np.diff(corners, axis=0)
     length = np.hypot(*legs.T)
-    legs, length = legs[length > 0.0], length[length > 0.0]
+    legs = legs[length > 0.0]
+    length = length[length > 0.0]
     ends = np.concatenate([[0.0], np.cumsum(length)])
     distance = np.clip((t_s - flight.hover_start_s) * flight.speed_mps, 0.0, ends[-1])
     corner = np.concatenate([np.zeros((1, 2)), np.cumsum(legs, axis=0)]) + corners[0]
@@ -420,13 +436,16 @@ def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Pro
     """The recording of an aircraft and its truth, into `folder` and `folder/truth`; InputError as `lay_out_flight`."""
     scenario = lay_out_flight(scenario, flight)
     assert scenario.flight is not None
-    flight, site, ground = scenario.flight, find_site(scenario), make_ground(scenario, [])
+    flight = scenario.flight
+    site = find_site(scenario)
+    ground = make_ground(scenario, [])
     middle = np.array([0.5 * scenario.field.size_e_m, 0.5 * scenario.field.size_n_m, flight.height_m])
     motion = fly(scenario, flight, site.map_scale(middle), random_for(scenario.seed, "flight"))
     crop = make_crop(scenario, flight, ground)
     world = World(scenario, site, ground, motion, None if crop is None else crop[0], moving(scenario))
     length_s = duration_s(flight)
-    end_s, truth = length_s + scenario.lidar.stop_s, folder / "truth"
+    end_s = length_s + scenario.lidar.stop_s
+    truth = folder / "truth"
     capture = "scans.csv" if scenario.line else recording_file(scenario.lidar)
     write_session(folder, scenario, capture)
     fixes = receive(scenario.gnss.rtk, scenario.antenna.xyz_m, site, motion, end_s, scenario.seed, "gnss.nmea")
@@ -462,7 +481,8 @@ def moving(scenario: Scenario) -> SimulatedMountMotion | None:
 
 def write_sensors(folder: Path, world: World, end_s: float) -> None:
     """The log of the IMU and the file of the mount, and the truth of the biases, where there are such."""
-    scenario, site = world.scenario, world.site
+    scenario = world.scenario
+    site = world.site
     if scenario.imu is not None:
         log = measure(scenario.imu, world.motion, site, end_s, scenario.seed)
         head = f"time_unix_s,{_RATE},{_FORCE}"

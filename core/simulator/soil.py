@@ -81,8 +81,10 @@ def find_sweeps(track: SimulatedTrack, xy_m: tuple[float, float]) -> list[ToolSw
         t_s, e, n, yaw = (
             np.interp(steps, way, values[moving]) for values in (track.t_s, track.e_m, track.n_m, track.yaw_rad)
         )
-        c, s = np.cos(yaw), np.sin(yaw)
-        e, n = e + c * xy_m[0] - s * xy_m[1], n + s * xy_m[0] + c * xy_m[1]
+        c = np.cos(yaw)
+        s = np.sin(yaw)
+        e = e + c * xy_m[0] - s * xy_m[1]
+        n = n + s * xy_m[0] + c * xy_m[1]
         sweeps.append(ToolSweep(t_s, e, n, yaw, float(track.t_s[begin]), float(track.t_s[end - 1])))
     return sweeps
 
@@ -125,7 +127,8 @@ def earlier_sweeps(earlier: EarlierDrive) -> list[ToolSweep]:
 
 def _first_ground(scenario: Scenario) -> tuple[Float32Array, Float32Array]:
     """Relief of the ground as the first drive found it, and its waves alone; rows lie along the first drive's lanes."""
-    soil, drive = scenario.soil, scenario.earlier[0].drive if scenario.earlier else scenario.drive
+    soil = scenario.soil
+    drive = scenario.earlier[0].drive if scenario.earlier else scenario.drive
     rows = NOISE_BLOCK * math.ceil(scenario.field.size_n_m / (CELL_M * NOISE_BLOCK))
     cols = NOISE_BLOCK * math.ceil(scenario.field.size_e_m / (CELL_M * NOISE_BLOCK))
     waves = _field(random_for(soil.seed, "undulation"), rows, cols, _waves)
@@ -147,7 +150,8 @@ def _workings(
     drive: Scenario | EarlierDrive, sweeps: list[ToolSweep], before: Float32Array, waves: Float32Array
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Float32Array, Float32Array]]:
     """(row, col, relief, t_s) of the cells that each pass of a drive works, in their order."""
-    soil, (rows, cols) = drive.soil, before.shape
+    soil = drive.soil
+    rows, cols = before.shape
     if not sweeps:
         return
     tilth = _field(random_for(drive.seed, "tilth"), rows, cols, lambda k: _clods(k, soil.tilled_corr_m))
@@ -172,12 +176,16 @@ def worked_cells(
     found: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
     speed = np.gradient(np.hypot(sweep.e_m - sweep.e_m[0], sweep.n_m - sweep.n_m[0]), sweep.t_s).clip(0.01)
     for part in np.array_split(np.arange(len(sweep.t_s)), max(1, len(sweep.t_s) // 2000)):
-        e, n = sweep.e_m[part, None], sweep.n_m[part, None]
-        c, s = np.cos(sweep.yaw_rad[part, None]), np.sin(sweep.yaw_rad[part, None])
+        e = sweep.e_m[part, None]
+        n = sweep.n_m[part, None]
+        c = np.cos(sweep.yaw_rad[part, None])
+        s = np.sin(sweep.yaw_rad[part, None])
         col = np.floor((e - s * lateral) / CELL_M).astype(np.int64)
         row = np.floor((n + c * lateral) / CELL_M).astype(np.int64)
-        de, dn = (col + 0.5) * CELL_M - e, (row + 0.5) * CELL_M - n
-        along, across = de * c + dn * s, dn * c - de * s
+        de = (col + 0.5) * CELL_M - e
+        dn = (row + 0.5) * CELL_M - n
+        along = de * c + dn * s
+        across = dn * c - de * s
         inside = (np.abs(across) <= half_m) & (np.abs(along) <= 0.009)
         inside &= (row >= 0) & (col >= 0) & (row < rows) & (col < cols)
         t_s = sweep.t_s[part, None] + along / speed[part, None]
@@ -249,12 +257,16 @@ def ceiling_of(highest: Float32Array) -> Float32Array:
 def relief_at(ground, e, n, t):  # type: ignore[no-untyped-def]
     """Relief above the mean plane at one local position and time, bilinear between the cells' middles."""
     rows, cols = ground.before.shape
-    x, y = e / CELL_M - 0.5, n / CELL_M - 0.5
-    col, row = math.floor(x), math.floor(y)
-    fx, fy = x - col, y - row
+    x = e / CELL_M - 0.5
+    y = n / CELL_M - 0.5
+    col = math.floor(x)
+    row = math.floor(y)
+    fx = x - col
+    fy = y - row
     out = 0.0
     for k in range(4):
-        i, j = row + (k >> 1), col + (k & 1)
+        i = row + (k >> 1)
+        j = col + (k & 1)
         weight = (fy if k >> 1 else 1.0 - fy) * (fx if k & 1 else 1.0 - fx)
         if 0 <= i < rows and 0 <= j < cols:
             if t < ground.first_s[i, j]:

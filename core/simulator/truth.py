@@ -56,7 +56,8 @@ def coarse_surface(scenario: Scenario, ground: Ground) -> dict[str, FloatArray]:
     rows, cols = (round(m / TRUTH_CELL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
     e, n = ((np.arange(k) + 0.5) * TRUTH_CELL_M for k in (cols, rows))
     plane = ground.slope_e * e[None, :] + ground.slope_n * n[:, None]
-    first, last = quarters(ground.first_s, rows, cols), quarters(ground.last_s, rows, cols)
+    first = quarters(ground.first_s, rows, cols)
+    last = quarters(ground.last_s, rows, cols)
     worked = np.isfinite(first)
     count = worked.sum(axis=2)
     whole = (count > 2) | ((count == 2) & worked[..., 0])  # a cell is worked if the larger part of it is
@@ -81,7 +82,8 @@ class SeenAfter:
         """Take note of returns from cells of the ground (row * cols + col, -1 elsewhere) at their times."""
         on = cell >= 0
         row, col = np.divmod(cell[on], self._ground.before.shape[1])
-        row_, col_ = row // 2, col // 2
+        row_ = row // 2
+        col_ = col // 2
         final = (t_s[on] >= self._ground.last_s[row, col]) & (row_ < self._rows) & (col_ < self._cols)
         self.counts += np.bincount(row_[final] * self._cols + col_[final], minlength=len(self.counts))
 
@@ -191,7 +193,8 @@ def write_worked(file: Path, sweeps: list[ToolSweep], width_m: float, site: Simu
 
 def ground_figures(surface: dict[str, FloatArray], seen_after: NDArray[np.uint8]) -> dict[str, Any]:
     """Volume, swelling, and how much of the worked ground the sensor saw afterwards."""
-    change, worked = surface["after"] - surface["before"], np.isfinite(surface["worked_time"])
+    change = surface["after"] - surface["before"]
+    worked = np.isfinite(surface["worked_time"])
     return {
         "soil_volume_difference_m3": round(float(change.sum()) * TRUTH_CELL_M**2, 4),
         "worked_cells_seen_after_share": round(float((seen_after[worked] > 0).mean()), 4) if worked.any() else 0.0,

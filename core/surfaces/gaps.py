@@ -71,10 +71,12 @@ def _relax(height, fixed, sweeps):  # type: ignore[no-untyped-def]
     for sweep in range(sweeps):
         for k in range(rows * columns):
             place = k if sweep % 2 == 0 else rows * columns - 1 - k
-            i, j = place // columns, place % columns
+            i = place // columns
+            j = place % columns
             if fixed[i, j]:
                 continue
-            total, count = 0.0, 0
+            total = 0.0
+            count = 0
             if i > 0:
                 total += height[i - 1, j]
                 count += 1

@@ -48,8 +48,10 @@ class Grid:
             raise InputError("bad-bounds", west=west, south=south, east=east, north=north)
         if not (math.isfinite(cell_m) and cell_m >= FINEST_CELL_M):
             return cls(cell_m, 0, 0, (1, 1))  # raises
-        left, bottom = math.floor(west / cell_m), math.floor(south / cell_m)
-        right, top = math.floor(east / cell_m) + 1, math.floor(north / cell_m) + 1
+        left = math.floor(west / cell_m)
+        bottom = math.floor(south / cell_m)
+        right = math.floor(east / cell_m) + 1
+        top = math.floor(north / cell_m) + 1
         return cls(cell_m, left, top, (top - bottom, right - left))
 
     @property
@@ -70,7 +72,8 @@ class Grid:
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
         """West, south, east and north edge."""
-        west, south = self.west * self.cell_m, (self.north - self.rows) * self.cell_m
+        west = self.west * self.cell_m
+        south = (self.north - self.rows) * self.cell_m
         return west, south, (self.west + self.columns) * self.cell_m, self.north * self.cell_m
 
     @property
@@ -102,13 +105,16 @@ class Grid:
 
     def coarser(self, factor: int) -> Self:
         """The smallest grid of cells `factor` times as large that covers this one."""
-        west, north = self.west // factor, -(-self.north // factor)
-        south, east = (self.north - self.rows) // factor, -(-(self.west + self.columns) // factor)
+        west = self.west // factor
+        north = -(-self.north // factor)
+        south = (self.north - self.rows) // factor
+        east = -(-(self.west + self.columns) // factor)
         return type(self)(self.cell_m * factor, west, north, (north - south, east - west))
 
     def window_in(self, other: "Grid") -> tuple[slice, slice]:
         """Rows and columns of this grid within `other`. Raises ValueError if that does not cover it cell by cell."""
-        row, column = other.north - self.north, self.west - other.west
+        row = other.north - self.north
+        column = self.west - other.west
         fits = 0 <= row <= other.rows - self.rows and 0 <= column <= other.columns - self.columns
         if self.cell_m != other.cell_m or not fits:
             raise ValueError(f"{self} does not lie in {other}.")

@@ -224,7 +224,8 @@ def cloth_ground(xyz_m: NDArray[np.float64]) -> NDArray[np.bool_]:
     cloth.params.rigidness = 2
     points = xyz_m[within]
     cloth.setPointCloud(points - points.mean(axis=0))
-    found, rest = CSF.VecInt(), CSF.VecInt()
+    found = CSF.VecInt()
+    rest = CSF.VecInt()
     with _ONE_AT_A_TIME, _output_to_stderr():
         cloth.do_filtering(found, rest, exportCloth=False)
     ground[within[np.array(found, np.intp)]] = True

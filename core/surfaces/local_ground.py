@@ -19,8 +19,10 @@ from furrowmap.core.surfaces.ground import Smrf, ground_cells
 from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.scan import PointClass
 
-_GROUND, _NOISE = np.uint8(PointClass.GROUND), np.uint8(PointClass.NOISE)
-_VEHICLE, _IMPLEMENT = np.uint8(PointClass.VEHICLE), np.uint8(PointClass.IMPLEMENT)
+_GROUND = np.uint8(PointClass.GROUND)
+_NOISE = np.uint8(PointClass.NOISE)
+_VEHICLE = np.uint8(PointClass.VEHICLE)
+_IMPLEMENT = np.uint8(PointClass.IMPLEMENT)
 GROUND_CELL_M: Final = 0.5
 TILE_CELLS: Final = 64
 GROUND_TILE_M: Final = TILE_CELLS * GROUND_CELL_M
@@ -99,7 +101,8 @@ class GroundSampler:
 
     def _block(self, keys: Sequence[tuple[int, int]]) -> Iterator[tuple[tuple[int, int], FloatArray]]:
         """The ground of neighbouring tiles, each with a margin of one cell."""
-        low, high = np.min(keys, axis=0) - 1, np.max(keys, axis=0) + 2
+        low = np.min(keys, axis=0) - 1
+        high = np.max(keys, axis=0) + 2
         lowest, mean = (np.full((high - low) * TILE_CELLS, np.nan) for _ in range(2))
         for key, slot in self._slots.items():
             if np.all(low <= key) and np.all(key < high):
@@ -186,17 +189,20 @@ def _draw(xyz_m, kept, corner, window, base_m, samples, counts):  # type: ignore
     for i in range(len(xyz_m)):
         if not kept[i]:
             continue
-        u, v = xyz_m[i, 0] / GROUND_CELL_M, xyz_m[i, 1] / GROUND_CELL_M
+        u = xyz_m[i, 0] / GROUND_CELL_M
+        v = xyz_m[i, 1] / GROUND_CELL_M
         column = int(np.floor(u)) - corner[0] * TILE_CELLS
         row = int(np.floor(v)) - corner[1] * TILE_CELLS
-        a, b = column // TILE_CELLS, row // TILE_CELLS
+        a = column // TILE_CELLS
+        b = row // TILE_CELLS
         if not (0 <= a < window.shape[0] and 0 <= b < window.shape[1]):
             continue
         slot = window[a, b]
         steps = np.rint((xyz_m[i, 2] - base_m[slot]) / _SAMPLE_STEP_M)
         if not abs(steps) < _RELIEF_STEPS:
             continue
-        column, row = column % TILE_CELLS, row % TILE_CELLS
+        column = column % TILE_CELLS
+        row = row % TILE_CELLS
         place = np.int64(counts[slot, column, row])
         counts[slot, column, row] = place + 1
         if place >= CELL_SAMPLES:
@@ -225,7 +231,8 @@ def _low_heights(samples, counts):  # type: ignore[no-untyped-def]
                 held[k] = samples[i, j, k]
             sort_in_place(held[:n])
             lowest = held[int(GROUND_QUANTILE * (n - 1) + 0.5)]
-            total, number = 0.0, 0
+            total = 0.0
+            number = 0
             for k in range(n):
                 if abs(held[k] - lowest) <= near:
                     total += held[k]
@@ -238,12 +245,15 @@ def _low_heights(samples, counts):  # type: ignore[no-untyped-def]
 @kernel()
 def _set_classes(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`LocalGround.classify`: bilinear ground height at each point."""
-    last_key, tile = np.int64(-1), np.int64(-1)
+    last_key = np.int64(-1)
+    tile = np.int64(-1)
     for i in range(len(x)):
         if classes[i] == _VEHICLE or classes[i] == _IMPLEMENT:
             continue
-        u, v = x[i] * (step_m / GROUND_CELL_M), y[i] * (step_m / GROUND_CELL_M)
-        column, row = int(np.floor(u)), int(np.floor(v))
+        u = x[i] * (step_m / GROUND_CELL_M)
+        v = y[i] * (step_m / GROUND_CELL_M)
+        column = int(np.floor(u))
+        row = int(np.floor(v))
         key = np.int64((column // TILE_CELLS + _KEY) << 32) + row // TILE_CELLS + _KEY
         if key != last_key:
             last_key = key
@@ -252,15 +262,21 @@ def _set_classes(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-
                 tile = np.int64(-1)
         if tile < 0:
             continue
-        u, v = u - 0.5 - (column // TILE_CELLS) * TILE_CELLS, v - 0.5 - (row // TILE_CELLS) * TILE_CELLS
-        a, b = int(np.floor(u)), int(np.floor(v))
-        p, q = u - a, v - b
-        h00, h01 = height_m[tile, a + 1, b + 1], height_m[tile, a + 1, b + 2]
-        h10, h11 = height_m[tile, a + 2, b + 1], height_m[tile, a + 2, b + 2]
+        u = u - 0.5 - (column // TILE_CELLS) * TILE_CELLS
+        v = v - 0.5 - (row // TILE_CELLS) * TILE_CELLS
+        a = int(np.floor(u))
+        b = int(np.floor(v))
+        p = u - a
+        q = v - b
+        h00 = height_m[tile, a + 1, b + 1]
+        h01 = height_m[tile, a + 1, b + 2]
+        h10 = height_m[tile, a + 2, b + 1]
+        h11 = height_m[tile, a + 2, b + 2]
         ground = (1.0 - p) * ((1.0 - q) * h00 + q * h01) + p * ((1.0 - q) * h10 + q * h11)
         slope = (abs(h10 + h11 - h00 - h01) + abs(h01 + h11 - h00 - h10)) * (0.5 / GROUND_CELL_M)
         if np.isnan(ground):
-            ground, slope = height_m[tile, int(u + 0.5) + 1, int(v + 0.5) + 1], 0.0
+            ground = height_m[tile, int(u + 0.5) + 1, int(v + 0.5) + 1]
+            slope = 0.0
         above = z[i] * step_m - ground
         more = SLOPE_SHARE * slope
         if abs(above) <= NEAR_GROUND_M + more:

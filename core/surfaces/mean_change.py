@@ -64,7 +64,8 @@ class ChangeSums:
         """Add a piece of ground by the numbers of its kinds, from 0; all arrays (rows, columns), nan where unknown."""
         size = max(len(self.sums), int(kind.max(initial=0)) + 1)
         self.sums = np.pad(self.sums, ((0, size - len(self.sums)), (0, 0)))
-        seen, known = np.isfinite(change_m), np.isfinite(before_m)
+        seen = np.isfinite(change_m)
+        known = np.isfinite(before_m)
         in_view = uniform_filter(known.astype(np.float32), VIEW_CELLS, mode="nearest") > MIN_VIEW_SHARE
         squares = (np.where(seen, a, np.float32(0.0)).astype(np.float64) ** 2 for a in (change_m, error_m, spread_m))
         parts = [np.ones(kind.shape), seen, np.where(seen, change_m, 0.0), *map(np.nan_to_num, squares)]
@@ -81,12 +82,14 @@ class ChangeSums:
     def mean(self, cell_m2: float, kinds: Sequence[int]) -> MeanChange:
         """The mean change of some kinds by their areas; that of a kind which nobody saw is that of the others."""
         sums = np.pad(self.sums, ((0, len(kinds)), (0, 0)))[list(kinds)]
-        area, compared = sums[:, 0].sum() * cell_m2, sums[:, 1].sum() * cell_m2
+        area = sums[:, 0].sum() * cell_m2
+        compared = sums[:, 1].sum() * cell_m2
         sums = sums[sums[:, 1] > 0]
         if not len(sums):
             return MeanChange(area, compared, math.nan, math.nan, math.nan)
         cells, count, total, squares, noise, relief = sums[:, :6].T
-        share, mean = cells / cells.sum(), total / count
+        share = cells / cells.sum()
+        mean = total / count
         in_shadow, lower = _shadows(sums[:, 6:])
         spread = np.sqrt(np.maximum(squares / count - mean**2, 0.0))
         unseen = (1.0 - count / cells) * spread / np.sqrt(np.maximum(count * cell_m2 / SAMPLE_M2, 1.0))

@@ -27,7 +27,8 @@ def move_surface(
     the order of :data:`furrowmap.core.dates.pair_tie.MOVE_NAMES`, about the place `middle_m` (2,).
     """
     out = np.full(part.shape, np.nan, np.float32)
-    west, north = part.west * part.cell_m - middle_m[0], part.north * part.cell_m - middle_m[1]
+    west = part.west * part.cell_m - middle_m[0]
+    north = part.north * part.cell_m - middle_m[1]
     offset = (around.north - part.north, part.west - around.west)
     _sample(height_m, offset, west, north, part.cell_m, np.ascontiguousarray(move), out)
     return out
@@ -48,14 +49,17 @@ def _sample(height, offset, west, north, cell, move, out):  # type: ignore[no-un
             x = west + (j + 0.5) * cell
             u = j + offset[1] - (move[0] - move[5] * y) / cell
             v = i + offset[0] + (move[1] + move[5] * x) / cell
-            p, q = math.floor(v), math.floor(u)
+            p = math.floor(v)
+            q = math.floor(u)
             value = np.nan
             if p >= 0 and q >= 0 and p + 1 < rows and q + 1 < columns:
-                fv, fu = v - p, u - q
+                fv = v - p
+                fu = u - q
                 value = (1.0 - fv) * ((1.0 - fu) * height[p, q] + fu * height[p, q + 1])
                 value += fv * ((1.0 - fu) * height[p + 1, q] + fu * height[p + 1, q + 1])
             if not np.isfinite(value):
-                p, q = math.floor(v + 0.5), math.floor(u + 0.5)
+                p = math.floor(v + 0.5)
+                q = math.floor(u + 0.5)
                 if p < 0 or q < 0 or p >= rows or q >= columns:
                     continue
                 value = height[p, q]

@@ -195,7 +195,8 @@ def _places(points: TilePoints, near: Grid) -> FloatArray:
     row, column = np.divmod(points.cell.astype(np.int64), points.grid.columns)
     x = (points.grid.west - near.west + column + 0.5) * near.cell_m
     y = (points.grid.north - near.north - row - 0.5) * near.cell_m
-    width, height = near.columns * near.cell_m, near.rows * near.cell_m
+    width = near.columns * near.cell_m
+    height = near.rows * near.cell_m
     inside = (
         (x >= -OUTLIER_REACH_M)
         & (x <= width + OUTLIER_REACH_M)

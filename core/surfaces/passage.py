@@ -79,7 +79,8 @@ class Passages:
 
     def over(self, grid: Grid, beside_m: float = 0.0) -> LinePassage:
         """Passages over the cells of a grid of the line extended by `beside_m` at both ends."""
-        first, last = np.full(grid.shape, np.inf), np.full(grid.shape, -np.inf)
+        first = np.full(grid.shape, np.inf)
+        last = np.full(grid.shape, -np.inf)
         number = np.zeros(grid.shape, np.int32)
         across = np.full(grid.shape, np.nan, np.float32)
         for k in np.flatnonzero(self._near(grid, beside_m)).tolist():
@@ -98,16 +99,24 @@ def pass_over(steps, beside_m, cell_m, west, north, first_s, last_s, number, acr
     rows, columns = first_s.shape
     for k in range(len(steps)):
         t0, t1, mx, my, mx1, my1, hx, hy, hx1, hy1 = steps[k, :10]
-        long0, long1 = np.hypot(hx, hy), np.hypot(hx1, hy1)
+        long0 = np.hypot(hx, hy)
+        long1 = np.hypot(hx1, hy1)
         if long0 == 0.0 or long1 == 0.0:
             continue
-        f0, f1 = 1.0 + beside_m / long0, 1.0 + beside_m / long1
-        wide0, high0, wide1, high1 = f0 * abs(hx), f0 * abs(hy), f1 * abs(hx1), f1 * abs(hy1)
+        f0 = 1.0 + beside_m / long0
+        f1 = 1.0 + beside_m / long1
+        wide0 = f0 * abs(hx)
+        high0 = f0 * abs(hy)
+        wide1 = f1 * abs(hx1)
+        high1 = f1 * abs(hy1)
         a = max(0, int(np.floor(min(mx - wide0, mx1 - wide1) / cell_m)) - west)
         b = min(columns - 1, int(np.floor(max(mx + wide0, mx1 + wide1) / cell_m)) - west)
         c = max(0, north - 1 - int(np.floor(max(my + high0, my1 + high1) / cell_m)))
         d = min(rows - 1, north - 1 - int(np.floor(min(my - high0, my1 - high1) / cell_m)))
-        dmx, dmy, dhx, dhy = mx1 - mx, my1 - my, hx1 - hx, hy1 - hy
+        dmx = mx1 - mx
+        dmy = my1 - my
+        dhx = hx1 - hx
+        dhy = hy1 - hy
         square = dmy * dhx - dmx * dhy
         for row in range(c, d + 1):
             py = (north - 0.5 - row) * cell_m - my
@@ -122,7 +131,8 @@ def pass_over(steps, beside_m, cell_m, west, north, first_s, last_s, number, acr
                         s -= (level + (slope + square * s) * s) / rise
                 if not -1e-9 <= s <= 1.0 + 1e-9:
                     continue
-                lx, ly = hx + s * dhx, hy + s * dhy
+                lx = hx + s * dhx
+                ly = hy + s * dhy
                 along = (px - s * dmx) * lx + (py - s * dmy) * ly
                 length = np.hypot(lx, ly)
                 if abs(along) > length * (length + beside_m):

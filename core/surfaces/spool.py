@@ -69,9 +69,11 @@ class PointSpool:
 
     def __init__(self, cell_m: float, base_m: float = 0.0, folder: Path | None = None) -> None:
         Grid(cell_m, 0, 0, (1, 1))  # raises on a bad cell size
-        self.cell_m, self.base_m = cell_m, base_m
+        self.cell_m = cell_m
+        self.base_m = base_m
         self._records = RecordSpool(TILE_RECORD, folder)
-        self._points, self._others = _buffers(), _buffers()
+        self._points = _buffers()
+        self._others = _buffers()
         self._writer = ThreadPoolExecutor(1)
         self._written: Future[None] | None = None
         self._held = 0
@@ -145,7 +147,8 @@ class PointSpool:
 
     def _wait(self) -> None:
         """Wait for the writer and raise its errors."""
-        written, self._written = self._written, None
+        written = self._written
+        self._written = None
         if written is not None:
             written.result()
 
@@ -165,25 +168,36 @@ def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, hei
 
     `ends` are the least and greatest column and row of all cells.
     """
-    west, south, east, north = ends[0], ends[1], ends[2], ends[3]
+    west = ends[0]
+    south = ends[1]
+    east = ends[2]
+    north = ends[3]
     stopped = len(xyz_m)
     for i in range(first, len(xyz_m)):
         if held == len(heights):
             stopped = i
             break
-        x, y, z = xyz_m[i, 0] + shift_m[0], xyz_m[i, 1] + shift_m[1], xyz_m[i, 2] + shift_m[2]
+        x = xyz_m[i, 0] + shift_m[0]
+        y = xyz_m[i, 1] + shift_m[1]
+        z = xyz_m[i, 2] + shift_m[2]
         if not kept[i] or not np.isfinite(x + y + z + t_s[i]):
             continue
-        column, row = int(np.floor(x / cell_m)), int(np.floor(y / cell_m))
-        west, east = min(west, column), max(east, column)
-        south, north = min(south, row), max(north, row)
+        column = int(np.floor(x / cell_m))
+        row = int(np.floor(y / cell_m))
+        west = min(west, column)
+        east = max(east, column)
+        south = min(south, row)
+        north = max(north, row)
         tiles[held, 0] = column >> 8
         tiles[held, 1] = row >> 8
         cells[held] = (255 - (row & 255)) * 256 + (column & 255)
         heights[held] = z
         times[held] = t_s[i] - begin_s
         held += 1
-    ends[0], ends[1], ends[2], ends[3] = west, south, east, north
+    ends[0] = west
+    ends[1] = south
+    ends[2] = east
+    ends[3] = north
     return stopped, held
 
 
@@ -203,5 +217,7 @@ def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ign
     for i in range(n):
         record = out[place[tile[i]]]
         place[tile[i]] += 1
-        record.cell, record.height_m, record.t_s = cells[i], heights[i], times[i]
+        record.cell = cells[i]
+        record.height_m = heights[i]
+        record.t_s = times[i]
     return out, starts

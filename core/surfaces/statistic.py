@@ -110,14 +110,17 @@ def sum_up(cell, height_m, kept, cells, base_m, column):  # type: ignore[no-unty
     for i in range(len(cell)):
         if not kept[i]:
             continue
-        k, z = cell[i], height_m[i] - near
+        k = cell[i]
+        z = height_m[i] - near
         sums[k, 0] += 1.0
         sums[k, 1] += z
         sums[k, 2] += z * z
         sums[k, 3] = min(sums[k, 3], z)
         sums[k, 4] = max(sums[k, 4], z)
-    height, spread = np.full(cells, np.nan, np.float32), np.full(cells, np.nan, np.float32)
-    count, used = np.zeros(cells, np.uint32), np.zeros(cells, np.uint32)
+    height = np.full(cells, np.nan, np.float32)
+    spread = np.full(cells, np.nan, np.float32)
+    count = np.zeros(cells, np.uint32)
+    used = np.zeros(cells, np.uint32)
     for k in range(cells):
         n = sums[k, 0]
         if n < 1.0:
@@ -137,7 +140,8 @@ def sort_in_place(z):  # type: ignore[no-untyped-def]
     gap = 1 if n <= MAX_INSERTED else n * 5 // 11
     while gap > 0:
         for i in range(gap, n):
-            value, j = z[i], i - gap
+            value = z[i]
+            j = i - gap
             while j >= 0 and z[j] > value:
                 z[j + gap] = z[j]
                 j -= gap
@@ -156,7 +160,9 @@ def quantile(work, n, share):  # type: ignore[no-untyped-def]
         return work[0, 0], work[0, 0], 0.0
     k = min(int(share * (n - 1)), n - 2)
     between = share * (n - 1) - k
-    row, begin, end = 0, 0, n
+    row = 0
+    begin = 0
+    end = n
     while end - begin > FEW_SELECTED:
         pivot = (work[row, begin] + work[row, (begin + end) >> 1] + work[row, end - 1]) / 3.0
         low = begin
@@ -180,14 +186,16 @@ def quantile(work, n, share):  # type: ignore[no-untyped-def]
         elif k >= low:
             begin = low
         else:
-            before, after = work[row, begin], work[row, low]
+            before = work[row, begin]
+            after = work[row, low]
             for i in range(begin, low):
                 before = max(before, work[row, i])
             for i in range(low, end):
                 after = min(after, work[row, i])
             return before, after, between
     for i in range(begin + 1, end):
-        value, j = work[row, i], i - 1
+        value = work[row, i]
+        j = i - 1
         while j >= begin and work[row, j] > value:
             work[row, j + 1] = work[row, j]
             j -= 1
@@ -201,7 +209,8 @@ def rank(cell, height_m, kept, cells, base_m, trimmed, share):  # type: ignore[n
 
     Counting sort by cell, then selection within each.
     """
-    height, spread = np.full(cells, np.nan, np.float32), np.full(cells, np.nan, np.float32)
+    height = np.full(cells, np.nan, np.float32)
+    spread = np.full(cells, np.nan, np.float32)
     used = np.zeros(cells, np.uint32)
     count = np.zeros(cells, np.uint32)
     for i in range(len(cell)):
@@ -240,7 +249,9 @@ def rank(cell, height_m, kept, cells, base_m, trimmed, share):  # type: ignore[n
         deviation = NMAD * (before + between * (after - before))
         spread[k] = deviation
         if trimmed:
-            reach, total, near = TRIM_NMADS * deviation, 0.0, 0
+            reach = TRIM_NMADS * deviation
+            total = 0.0
+            near = 0
             for i in range(begin, begin + n):
                 if middle - reach <= ordered[i] <= middle + reach:
                     total += ordered[i] - middle

@@ -68,14 +68,16 @@ def find_depressions(
     level = flooded(height)
     depth = np.where(known, level - height, np.nan)
     label, count = _labels(level, depth > 0.0)
-    flat, water = label.ravel(), np.where(depth > 0.0, depth, 0.0).ravel()
+    flat = label.ravel()
+    water = np.where(depth > 0.0, depth, 0.0).ravel()
     area = np.bincount(flat, np.ones(flat.size), count + 1) * grid.cell_area_m2
     deepest = np.zeros(count + 1)
     np.maximum.at(deepest, flat, water)
     kept = (deepest >= least_depth_m) & (area >= least_area_m2)
     kept[0] = False
     label = np.where(kept, np.cumsum(kept), 0).astype(np.int32)[label]
-    flat, found = label.ravel(), int(np.count_nonzero(kept))
+    flat = label.ravel()
+    found = int(np.count_nonzero(kept))
     water = np.where(flat > 0, water, 0.0)
     order = np.lexsort((-water, flat))
     first = order[np.searchsorted(flat[order], np.arange(1, found + 1))]
@@ -133,7 +135,8 @@ def _flood(height):  # type: ignore[no-untyped-def]
         waiting = 1
         while waiting > 0:
             waiting -= 1
-            i, j = pit[waiting] // columns, pit[waiting] % columns
+            i = pit[waiting] // columns
+            j = pit[waiting] % columns
             for a in range(max(i - 1, 0), min(i + 2, rows)):
                 for b in range(max(j - 1, 0), min(j + 2, columns)):
                     if done[a, b]:
@@ -155,7 +158,8 @@ def _labels(level, wet):  # type: ignore[no-untyped-def]
     stack = np.empty(rows * columns, np.int64)
     count = 0
     for start in range(rows * columns):
-        i, j = start // columns, start % columns
+        i = start // columns
+        j = start % columns
         if not wet[i, j] or label[i, j] != 0:
             continue
         count += 1
@@ -164,7 +168,8 @@ def _labels(level, wet):  # type: ignore[no-untyped-def]
         waiting = 1
         while waiting > 0:
             waiting -= 1
-            i, j = stack[waiting] // columns, stack[waiting] % columns
+            i = stack[waiting] // columns
+            j = stack[waiting] % columns
             for a in range(max(i - 1, 0), min(i + 2, rows)):
                 for b in range(max(j - 1, 0), min(j + 2, columns)):
                     if wet[a, b] and label[a, b] == 0 and level[a, b] == level[i, j]:
@@ -210,7 +215,8 @@ def hillshade(
     The light comes from an azimuth clockwise from grid north, at an altitude above the horizon.
     """
     east, north = gradient(height_m, cell_m)
-    azimuth, altitude = math.radians(azimuth_deg), math.radians(altitude_deg)
+    azimuth = math.radians(azimuth_deg)
+    altitude = math.radians(altitude_deg)
     towards = east * math.sin(azimuth) + north * math.cos(azimuth)
     light = (math.sin(altitude) - math.cos(altitude) * towards) / np.sqrt(1.0 + east * east + north * north)
     shade = 1.0 + 254.0 * np.maximum(light, 0.0)
@@ -248,8 +254,12 @@ def random_roughness(
     count = np.bincount(plot, minlength=len(out))
     enough = count >= max(MIN_PLOT_SHARE * (plot_m / grid.cell_m) ** 2, 6.0)
     kept = enough[plot]
-    plot, e, n, z = plot[kept], e[kept], n[kept], z[kept]
-    u, v = n, e
+    plot = plot[kept]
+    e = e[kept]
+    n = n[kept]
+    z = z[kept]
+    u = n
+    v = e
     if tillage_heading_deg is not None:  # along it, and to its right
         heading = math.radians(tillage_heading_deg)
         u = e * math.sin(heading) + n * math.cos(heading)

@@ -63,7 +63,10 @@ class SwathSums:
     """Accumulates differences over tiles."""
 
     def __init__(self) -> None:
-        self._count, self._sum, self._square, self._area_m2 = 0, 0.0, 0.0, 0.0
+        self._count = 0
+        self._sum = 0.0
+        self._square = 0.0
+        self._area_m2 = 0.0
         self._histogram = np.zeros(2 * BINS, np.int64)
 
     def add(self, difference_m: NDArray[np.float32], block_m2: float) -> None:
@@ -92,7 +95,8 @@ def block_differences(points: TilePoints, kept: NDArray[np.bool_] | None = None)
     """
     grid = points.grid
     kept = np.ones(len(points.cell), np.bool_) if kept is None else kept
-    rows, columns = -(-grid.rows // SWATH_BLOCK), -(-grid.columns // SWATH_BLOCK)
+    rows = -(-grid.rows // SWATH_BLOCK)
+    columns = -(-grid.columns // SWATH_BLOCK)
     total, cells = _differences(points.cell, points.t_s, points.height_m, kept, grid.rows * grid.columns)
     whole = np.zeros((2, rows * SWATH_BLOCK, columns * SWATH_BLOCK))
     whole[0, : grid.rows, : grid.columns] = total.reshape(grid.shape)
@@ -111,16 +115,19 @@ def _close(k, count, total, before, sums, number):  # type: ignore[no-untyped-de
             sums[k] += mean - before[k]
             number[k] += 1
         before[k] = mean
-    count[k], total[k] = 0, 0.0
+    count[k] = 0
+    total[k] = 0.0
 
 
 @kernel()
 def _differences(cell, t_s, height_m, kept, cells):  # type: ignore[no-untyped-def]
     """Sum and number (cells,) of the differences of each swath from the one before."""
     seen_s = np.full(cells, -np.inf, np.float32)
-    count, total = np.zeros(cells, np.int64), np.zeros(cells)
+    count = np.zeros(cells, np.int64)
+    total = np.zeros(cells)
     before = np.full(cells, np.nan)
-    sums, number = np.zeros(cells), np.zeros(cells, np.int64)
+    sums = np.zeros(cells)
+    number = np.zeros(cells, np.int64)
     for i in range(len(cell)):
         if not kept[i]:
             continue

@@ -109,9 +109,13 @@ def attitudes(
     """
     whole = chained(steps.turn)
     n = len(whole)
-    rotation, bias = np.empty((n, 3, 3)), np.empty((n, 6))
+    rotation = np.empty((n, 3, 3))
+    bias = np.empty((n, 6))
     limit_rad = ROUGH_RAD if half == HALVES[-1] else CERTAIN_RAD
-    begin, end, last, misfit = 0, min(CHUNK_KNOTS, n), None, 0.0
+    begin = 0
+    end = min(CHUNK_KNOTS, n)
+    last = None
+    misfit = 0.0
     while begin < n:
         motion = ChunkMotion.integrate(steps, whole, begin, end, arm_m)
         observed = _ObservedMotion.observe(motion, antenna_m, sigma_m, noise, gravity, hint, half)
@@ -123,7 +127,8 @@ def attitudes(
             continue
         assert aligned is not None
         drift = Rotation.from_rotvec(-motion.swept_s @ aligned.bias[:3]).as_matrix()
-        rotation[begin:end], bias[begin:end] = aligned.rotation @ drift @ motion.turned, aligned.bias
+        rotation[begin:end] = aligned.rotation @ drift @ motion.turned
+        bias[begin:end] = aligned.bias
         length_s = len(motion.turned) * KNOT_STEP_S
         lead = np.eye(9)
         lead[:3, 3:6] = -aligned.rotation @ motion.swept_s[-1]
@@ -131,7 +136,8 @@ def attitudes(
         spread[:3] += np.radians(0.5) ** 2
         last = rotation[end - 1], aligned.bias, lead @ aligned.covariance @ lead.T + np.diag(spread)
         misfit = max(misfit, aligned.misfit)
-        begin, end = end, min(end + CHUNK_KNOTS, n)
+        begin = end
+        end = min(end + CHUNK_KNOTS, n)
     return Attitudes(rotation, bias, misfit)
 
 
@@ -204,10 +210,16 @@ def _fitted(
     motion: ChunkMotion, observed: _ObservedMotion, first: FloatArray, start: FloatArray, information: FloatArray
 ) -> Aligned:
     """Gauss-Newton rounds from an attitude (3, 3) and biases (6,) of an information (9, 9), zero where unknown."""
-    middle, seen, weight = observed.middle, observed.seen, observed.weight
+    middle = observed.middle
+    seen = observed.seen
+    weight = observed.weight
     own = observed.own(motion)
-    sweep, push = motion.swept_s[middle], motion.turned[middle] * (observed.half * KNOT_STEP_S) ** 2
-    normal, squares, rotation, bias = information, 0.0, first, start
+    sweep = motion.swept_s[middle]
+    push = motion.turned[middle] * (observed.half * KNOT_STEP_S) ** 2
+    normal = information
+    squares = 0.0
+    rotation = first
+    bias = start
     unit = weight * (2 * observed.half) / STRIDE
     robust = np.ones(len(seen))
     for _ in range(ALIGNMENT_ROUNDS):
@@ -231,7 +243,8 @@ def _fitted(
         normalised = np.sqrt(unit * own_squares / 3.0)
         robust = huber_weight(normalised / max(1.0, float(np.median(normalised)) if len(seen) else 0.0))
         step = np.linalg.solve(normal, right)
-        rotation, bias = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation, bias + step[3:]
+        rotation = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation
+        bias = bias + step[3:]
     misfit = float(np.sqrt(squares / max(seen.size, 1) * unit))
     covariance = np.asarray(np.linalg.inv(normal), np.float64)
     return Aligned(rotation, bias, covariance, misfit, weight * squares)

@@ -46,19 +46,27 @@ class DriveFilter:
         self.mean = mean
         place, yaw, speed = START_SIGMA
         self.covariance = np.diag(np.square([place, place, place, yaw, speed, START_SLOPE, START_SLOPE, 0.0, 0.0, 0.0]))
-        self._t_s, self._turned, self._variance, self._climbed_m = t_s, turned, variance, 0.0
-        self._fix, self._jumps, self._drift_m = -1, 0, np.zeros(3)
+        self._t_s = t_s
+        self._turned = turned
+        self._variance = variance
+        self._climbed_m = 0.0
+        self._fix = -1
+        self._jumps = 0
+        self._drift_m = np.zeros(3)
 
     def predict(self, t_s: float, turned: float, variance: float, climbed_m: float) -> None:
         """Go on to a time, at which the scans have turned and climbed by so much, the turns with such a variance."""
         step_s = t_s - self._t_s
-        yaw, speed = 0.5 * (turned + self._turned) + float(self.mean[3]), float(self.mean[4])
+        yaw = 0.5 * (turned + self._turned) + float(self.mean[3])
+        speed = float(self.mean[4])
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
         left = np.array([-ahead[1], ahead[0]])
         way_m = abs(speed) * step_s
         kept = np.exp(-step_s / DRIFT_CORRELATION_S)
         design = np.diag([*np.ones(7), kept, kept, kept])
-        design[:2, 3], design[:2, 4], design[2, 5:7] = speed * step_s * left, step_s * ahead, speed * step_s * ahead
+        design[:2, 3] = speed * step_s * left
+        design[:2, 4] = step_s * ahead
+        design[2, 5:7] = speed * step_s * ahead
         self.mean = design @ self.mean
         self.mean[:2] -= design[:2, 3] * self.mean[3]
         self.mean[2] += climbed_m - self._climbed_m
@@ -73,7 +81,10 @@ class DriveFilter:
         noise[5, 5] = noise[6, 6] = SLOPE_WALK**2 * way_m
         noise[7:, 7:] = np.diag(self._drift_m**2 * (1.0 - kept**2))
         self.covariance = design @ self.covariance @ design.T + noise
-        self._t_s, self._turned, self._variance, self._climbed_m = t_s, turned, variance, climbed_m
+        self._t_s = t_s
+        self._turned = turned
+        self._variance = variance
+        self._climbed_m = climbed_m
 
     def take(self, xyz_m: FloatArray, arm_m: FloatArray, white_m: FloatArray, drift_m: FloatArray, fix: int) -> None:
         """Take a position (3,) of the antenna, which the arm (3,) leads to from the origin, with errors (3,)."""
@@ -84,7 +95,8 @@ class DriveFilter:
         design = np.zeros((3, 10))
         design[:, :3] = design[:, 7:] = np.eye(3)
         design[:2, 3] = -arm_m[1], arm_m[0]
-        design[:, 5], design[:, 6] = (-arm_m[2], 0.0, arm_m[0]), (0.0, -arm_m[2], arm_m[1])
+        design[:, 5] = (-arm_m[2], 0.0, arm_m[0])
+        design[:, 6] = (0.0, -arm_m[2], arm_m[1])
         off = xyz_m - self.mean[:3] - arm_m - self.mean[7:]
         noise = np.diag(white_m**2)
         spread = design @ self.covariance @ design.T + noise
@@ -108,7 +120,8 @@ class DriveFilter:
     def _forget_error(self, sigma_m: FloatArray) -> None:
         """The receiver's error begins anew."""
         self.mean[7:] = 0.0
-        self.covariance[7:], self.covariance[:, 7:] = 0.0, 0.0
+        self.covariance[7:] = 0.0
+        self.covariance[:, 7:] = 0.0
         self.covariance[7:, 7:] = np.diag(sigma_m**2)
 
     def _update(self, design: FloatArray, spread: FloatArray, off: FloatArray) -> None:

@@ -67,7 +67,8 @@ def trajectory_from_course(
     _expect_some(track, used)
     heading, speed = _course(kept.t_s, en)
     turned = np.radians(90.0 - heading)
-    along, across = np.array([np.cos(turned), np.sin(turned)]).T, np.array([-np.sin(turned), np.cos(turned)]).T
+    along = np.array([np.cos(turned), np.sin(turned)]).T
+    across = np.array([-np.sin(turned), np.cos(turned)]).T
     origin = en - lever_m[0] * along - lever_m[1] * across
     height = np.where(np.isfinite(kept.height_m), kept.height_m - lever_m[2], 0.0)
     sigma = np.full((len(kept), 6), np.nan)
@@ -92,7 +93,8 @@ def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:
 
 def _course(t_s: FloatArray, en_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Heading (n,) in degrees from grid north, at a stand that around it, and speed (n,), along a smooth path."""
-    heading, speed = np.zeros(len(t_s)), np.zeros(len(t_s))
+    heading = np.zeros(len(t_s))
+    speed = np.zeros(len(t_s))
     for part in np.split(np.arange(len(t_s)), 1 + np.flatnonzero(np.diff(t_s) > MAX_COURSE_GAP_S)):
         if len(part) < MIN_COURSE_POSITIONS:
             continue

@@ -167,7 +167,8 @@ def agrees(adjusted: InertialAdjustment) -> bool:
 
 def _doubted(adjusted: InertialAdjustment) -> list[tuple[int, int]]:
     """First and last of positions in a row that are doubted for more than MIN_DOUBTED_S."""
-    t_s, doubted = adjusted.problem.positions.t_s, adjusted.observed.weight < 1.0
+    t_s = adjusted.problem.positions.t_s
+    doubted = adjusted.observed.weight < 1.0
     edges = np.flatnonzero(np.diff(doubted, prepend=False, append=False)).reshape(-1, 2)
     return [(first, end - 1) for first, end in edges.tolist() if t_s[end - 1] - t_s[first] > MIN_DOUBTED_S]
 
@@ -221,7 +222,8 @@ def _of_lever(stated: InertialAdjustment, moved: InertialAdjustment) -> Explaine
 
 def with_jumps(adjusted: InertialAdjustment) -> list[Hypothesis]:
     """Steps between positions where the trajectory bends from one side to the other; each side may be off."""
-    positions, doubted = adjusted.problem.positions, _doubted(adjusted)
+    positions = adjusted.problem.positions
+    doubted = _doubted(adjusted)
     if not doubted:
         return []
     residual_m = np.nan_to_num(np.abs(adjusted.observed.residuals_m(adjusted.problem.knots, adjusted.state)))
@@ -396,13 +398,16 @@ def trajectory_from_inertial(
     gated, levels_m = without_height_steps(gated, notices)
     positions = positions_without_steps(gated, en)
     imu = replace(imu, noise=with_shown_noise(imu.noise, imu.track, notices))
-    site, lever = site_of(gated, frame), np.asarray(lever_m, np.float64)
-    in_air, source = not (by_noise_alone or hints.on_wheels), imu.track.source or "The IMU"
+    site = site_of(gated, frame)
+    lever = np.asarray(lever_m, np.float64)
+    in_air = not (by_noise_alone or hints.on_wheels)
+    source = imu.track.source or "The IMU"
     adjusted, imu, clock_s, left_out = _adjusted(positions, imu, site, lever, hints, in_air=in_air)
     notices += left_out
     if np.degrees(np.median(adjusted.sigma[:, ROTATION + 2])) > UNKNOWN_HEADING_DEG:
         raise heading_unknown(adjusted.problem)
-    clocked, clock_sigma_s = imu.earlier_by(clock_s), adjusted.constants.clock_left_s(clock_s)
+    clocked = imu.earlier_by(clock_s)
+    clock_sigma_s = adjusted.constants.clock_left_s(clock_s)
     clock_sigma_s = clock_sigma_s if np.isfinite(clock_sigma_s) else MIN_OFFSET_S
     if clock_s:
         notices.append(
@@ -474,7 +479,8 @@ def _as_doubtful(
     """Standard deviations enlarged to what is seen."""
     if contradiction is None and not turned:
         return trajectory
-    sigma, rotation = trajectory.sigma.copy(), quaternion_to_matrix(trajectory.quaternion)
+    sigma = trajectory.sigma.copy()
+    rotation = quaternion_to_matrix(trajectory.quaternion)
     # The place of the IMU may be off instead of that of the antenna.
     sigma[:, :3] = np.hypot(sigma[:, :3], rotation @ found.lever_off_m)
     if contradiction is not None and contradiction.code == CONTRADICTION and found.cause == "noise":
@@ -493,11 +499,15 @@ def _as_doubtful(
 
 def _trajectory(adjusted: InertialAdjustment) -> Trajectory:
     """Poses at the times of the IMU: carried on from the knot before, closing on the knot after."""
-    p, knots = adjusted.problem, adjusted.problem.knots
+    p = adjusted.problem
+    knots = adjusted.problem.knots
     t_s = p.links.track.t_s
     knot, share, inside = knots.at(t_s)
-    t_s, knot, share = t_s[inside], knot[inside], share[inside]
-    variance, turned = adjusted.sigma[:, ROTATION:POSE] ** 2, adjusted.state.rotation
+    t_s = t_s[inside]
+    knot = knot[inside]
+    share = share[inside]
+    variance = adjusted.sigma[:, ROTATION:POSE] ** 2
+    turned = adjusted.state.rotation
     knot_sigma = np.empty((len(variance), 6))
     knot_sigma[:, :3] = adjusted.sigma[:, :3]
     for axis in range(2):
@@ -531,11 +541,15 @@ def _carried_poses(
     adjusted: InertialAdjustment, t_s: FloatArray, knot: NDArray[np.int64], share: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Places (n, 3), rotations (n, 3, 3) and velocities (n, 3) at times between a knot and the next."""
-    p, state, knots, site = adjusted.problem, adjusted.state, adjusted.problem.knots, adjusted.problem.links.site
+    p = adjusted.problem
+    state = adjusted.state
+    knots = adjusted.problem.knots
+    site = adjusted.problem.links.site
     steps = unbiased_increments(p.links, knots, state, knots.t_s[knot], t_s)
     here = carried_on(p.links, state, knot, steps, t_s - knots.t_s[knot])
     linked, link = np.unique(knot, return_inverse=True)
-    ahead, after = predicted(p.links, knots, state, linked), state.rotation[linked + 1]
+    ahead = predicted(p.links, knots, state, linked)
+    after = state.rotation[linked + 1]
     off_rad = Rotation.from_matrix(after @ ahead.rotation.transpose(0, 2, 1)).as_rotvec()
     off_m = state.xyz_m[linked + 1] + site.stretch * (after @ p.links.lever_m) - ahead.xyz_m
     rotation = Rotation.from_rotvec(share[:, None] * off_rad[link]).as_matrix() @ here.rotation
@@ -546,7 +560,9 @@ def _carried_poses(
 
 def _figures(adjusted: InertialAdjustment, imu: MountedImu) -> InertialFigures:
     """The biases in the axes of the IMU, and the residuals of the positions."""
-    state, layout, turn = adjusted.state, adjusted.state.layout, imu.mounting.rotation
+    state = adjusted.state
+    layout = adjusted.state.layout
+    turn = imu.mounting.rotation
     residual = adjusted.observed.residuals_m(adjusted.problem.knots, state)
     white = Whiteness.of_residuals(residual, adjusted.problem.positions.white_m)
 

@@ -21,11 +21,13 @@ def trajectory_from_poses(track: PoseTrack, frame: MapFrame) -> Trajectory:
     if len(track) < 2:
         raise InputError("trajectory-empty", source=track.source, track=len(track))
     if track.projected:
-        e, n = track.position[:, 0], track.position[:, 1]
+        e = track.position[:, 0]
+        n = track.position[:, 1]
         lon, lat = frame.to_lon_lat(e, n)
         frame.project(lon, lat)  # refuses coordinates that lie outside the CRS's area
     else:
-        lon, lat = track.position[:, 0], track.position[:, 1]
+        lon = track.position[:, 0]
+        lat = track.position[:, 1]
         e, n = frame.project(lon, lat)
     heading = track.heading_deg - frame.convergence_deg(lon, lat) if track.true_north else track.heading_deg
     max_gap_s = longest_gap_s(track.t_s)

@@ -123,7 +123,8 @@ class Course(HeadingHint):
         first = np.arange(0, max(0, len(motion.turned) - self.knots), self.knots, dtype=np.int64)
         way = self.way_m[motion.begin + first]
         known = np.isfinite(way).all(axis=1)
-        first, way = first[known], way[known]
+        first = first[known]
+        way = way[known]
         axes = np.array([motion.turned[k : k + self.knots].mean(axis=0) for k in first]).reshape(-1, 3, 3)
         turned = np.einsum("kji,kjl->kil", motion.turned[first], motion.turned[first + self.knots])
         turn = np.arccos(np.clip(0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
@@ -139,7 +140,8 @@ class Course(HeadingHint):
         """The two opposite attitudes whose noses lie along the ways; first that of the longer way forward."""
         _, way, axes, turn = self._ways(motion)
         nose = axes[:, :, 0] @ rotation.T
-        seen, own = way[:, 0] + 1j * way[:, 1], nose[:, 0] + 1j * nose[:, 1]
+        seen = way[:, 0] + 1j * way[:, 1]
+        own = nose[:, 0] + 1j * nose[:, 1]
         weight = self._sigma_m(way, turn) ** -2
         doubled = complex((weight * (seen * np.conj(own)) ** 2).sum())
         along = (np.exp(-0.5j * np.angle(doubled)) * seen * np.conj(own)).real

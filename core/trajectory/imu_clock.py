@@ -105,11 +105,16 @@ def _half(positions: Positions) -> int:
 
 def _unexplained(motion: _Motion, positions: Positions, half: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(windows, offsets) squares of the motion left, and all of them, nan where unknown; (offsets,) in seconds."""
-    imu, t_s, turned, force, of_nose = motion.imu, motion.t_s, motion.turned, motion.force, motion.of_nose
+    imu = motion.imu
+    t_s = motion.t_s
+    turned = motion.turned
+    force = motion.force
+    of_nose = motion.of_nose
     pauses = imu.t_s[np.flatnonzero(np.diff(imu.t_s) > MAX_IMU_PAUSE_S)]
     seen, seen_s = _motion(positions, half, of_nose=of_nose)
     kernel = _kernel(half, of_nose=of_nose)
-    beside, window = len(kernel) // 2, WINDOW + len(kernel) - 1
+    beside = len(kernel) // 2
+    window = WINDOW + len(kernel) - 1
     if len(force) < window or len(seen) < WINDOW:
         return np.zeros((0, 1)), np.zeros((0, 1)), np.zeros(1)
     steps = round(MAX_OFFSET_S / STEP_S)
@@ -127,7 +132,8 @@ def _unexplained(motion: _Motion, positions: Positions, half: int) -> tuple[Floa
         left, whole = np.full((2, len(offset_s)), np.nan)
         windows = np.lib.stride_tricks.sliding_window_view(seen, len(own))[places[inside]]
         together = np.abs(windows @ own.conj())
-        squares, of_own = (np.abs(windows) ** 2).sum(axis=1), float((np.abs(own) ** 2).sum())
+        squares = (np.abs(windows) ** 2).sum(axis=1)
+        of_own = float((np.abs(own) ** 2).sum())
         if of_nose:
             whole[inside] = squares
             left[inside] = squares - together**2 / np.maximum(squares, 1.0)
@@ -156,7 +162,8 @@ def _rate_bias(turned: FloatArray, force: FloatArray) -> FloatArray:
 
     Accelerations average out over many windows.
     """
-    normal, right = 1e-3 * np.eye(3), np.zeros(3)
+    normal = 1e-3 * np.eye(3)
+    right = np.zeros(3)
     for begin in range(0, len(force) - WINDOW + 1, WINDOW):
         axes = turned[begin].T @ turned[begin : begin + WINDOW]
         pushed = np.einsum("kij,kj->ki", axes, force[begin : begin + WINDOW])
@@ -192,7 +199,8 @@ def _own(turned: FloatArray, force: FloatArray, kernel: FloatArray, *, of_nose: 
 
 def _motion(positions: Positions, half: int, *, of_nose: bool) -> tuple[ComplexArray, float]:
     """Accelerations, or directions of travel (0 at a stand), nan where unknown, STEP_S apart; and the first time."""
-    t_s, interval_s = np.arange(positions.t_s[0], positions.t_s[-1], STEP_S), np.diff(positions.t_s)
+    t_s = np.arange(positions.t_s[0], positions.t_s[-1], STEP_S)
+    interval_s = np.diff(positions.t_s)
     xy = np.column_stack([np.interp(t_s, positions.t_s, positions.xyz_m[:, axis]) for axis in range(2)])
     step_s = float(np.median(interval_s))
     after = np.clip(np.searchsorted(positions.t_s, t_s), 1, len(interval_s))
@@ -202,7 +210,9 @@ def _motion(positions: Positions, half: int, *, of_nose: bool) -> tuple[ComplexA
     out = np.full(len(mean), np.nan, np.complex128)
     if len(mean) <= 2 * half:
         return out, float(t_s[0])
-    before, here, later = mean[: -2 * half], mean[half:-half], mean[2 * half :]
+    before = mean[: -2 * half]
+    here = mean[half:-half]
+    later = mean[2 * half :]
     way = later - before if of_nose else (later - 2.0 * here + before) / (half * STEP_S) ** 2
     moved = way[:, 0] + 1j * way[:, 1]
     if of_nose:
@@ -221,10 +231,12 @@ def _clearly_best(left: FloatArray, whole: FloatArray, offset_s: FloatArray, hal
     # Where enough windows are known at all offsets, the others would only make these differ.
     always = np.isfinite(left).all(axis=1)
     if always.sum() >= MIN_COMMON_WINDOWS:
-        left, whole = left[always], whole[always]
+        left = left[always]
+        whole = whole[always]
     known = np.isfinite(left)
     enough = known.sum(axis=0) >= MIN_WINDOWS
-    share, total = np.full(len(offset_s), np.inf), np.nansum(whole, axis=0)
+    share = np.full(len(offset_s), np.inf)
+    total = np.nansum(whole, axis=0)
     enough &= total > max(LEAST_COMPARED * total.max(), 1e-9)
     share[enough] = np.nansum(left, axis=0)[enough] / total[enough]
     if not enough.any():

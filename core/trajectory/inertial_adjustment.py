@@ -86,8 +86,10 @@ def _fit(problem: InertialProblem, state: State, rounds: int) -> tuple[Fitted, S
         solution = equations.solve()
         step = solution.values.reshape(len(knots), -1)
         state = state.moved(step)
-        before, antenna = antenna.weight, antenna.reweighted(knots, state)
-        moved, turned = np.abs(step[:, :ROTATION]).max(), np.abs(step[:, ROTATION:POSE]).max()
+        before = antenna.weight
+        antenna = antenna.reweighted(knots, state)
+        moved = np.abs(step[:, :ROTATION]).max()
+        turned = np.abs(step[:, ROTATION:POSE]).max()
         settled = max(moved / SETTLED_M, turned / SETTLED_RAD) < coarser
         settled &= np.abs(before - antenna.weight).max() < 0.05
         if settled or number == rounds:
@@ -135,13 +137,15 @@ def with_constant(
         name: of the constant in :class:`ImuConstants`.
         mended: a problem in which the constant is off by so much less.
     """
-    now, off = adjusted, np.zeros(len(getattr(adjusted.constants, name).value))
+    now = adjusted
+    off = np.zeros(len(getattr(adjusted.constants, name).value))
     for _ in range(CONSTANT_ROUNDS):
         shown = getattr(now.constants, name)
         step = np.array(shown.value)
         if (np.abs(step) < SETTLED_SIGMAS * np.array(shown.sigma)).all():
             break
-        now, off = adjust(mended(now.problem, step), now.state), off + step
+        now = adjust(mended(now.problem, step), now.state)
+        off = off + step
     return (now, off) if now.variance_factor < adjusted.variance_factor else (adjusted, 0.0 * off)
 
 

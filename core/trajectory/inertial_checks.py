@@ -67,7 +67,8 @@ def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on_
     course = np.stack(
         [along, np.column_stack([-along[:, 1], along[:, 0], 0 * along[:, 0]]), 0 * along + (0, 0, 1)], axis=2
     )
-    relative, weight = np.einsum("kji,kjl->kil", course, turned[moving]), step_s[moving]
+    relative = np.einsum("kji,kjl->kil", course, turned[moving])
+    weight = step_s[moving]
     left, size, right = np.linalg.svd(np.einsum("k,kij->ij", weight, relative) / weight.sum())
     if size[1] < 0.7:  # the rotations differ too much to have a mean
         return _tilted(turned, mounting, name)
@@ -104,7 +105,8 @@ def _tilted(turned: FloatArray, mounting: Mounting, name: str) -> list[Notice]:
     axis = int(np.argmax(np.abs(up)))
     if np.linalg.norm(up) < 0.7 or (axis == 2 and up[2] > 0):
         return []
-    from_up, to_up = np.eye(3)[axis] * np.sign(up[axis]), np.array([0.0, 0.0, 1.0])
+    from_up = np.eye(3)[axis] * np.sign(up[axis])
+    to_up = np.array([0.0, 0.0, 1.0])
     across = np.cross(from_up, to_up)
     turn = Rotation.from_rotvec(across * 0.5 * np.pi if axis != 2 else [np.pi, 0.0, 0.0])
     right = Mounting.from_rotation(mounting.xyz_m, turn.as_matrix() @ mounting.rotation)
@@ -180,7 +182,8 @@ class Whiteness:
         if count < MIN_RESIDUAL_PAIRS:
             unknown = (np.nan, np.nan, np.nan)
             return cls(unknown, unknown, unknown)
-        before, after = residual_m[:-1][pairs], residual_m[1:][pairs]
+        before = residual_m[:-1][pairs]
+        after = residual_m[1:][pairs]
         square = (residual_m[part] ** 2).mean(axis=0)
         share = np.clip((before * after).mean(axis=0) / np.maximum(square, 1e-12), -0.99, 0.99)
         share = np.where(np.abs(share) < SIGNIFICANT_SIGMAS / np.sqrt(count), 0.0, share)
@@ -202,7 +205,8 @@ class Whiteness:
         largest = max(self.correlation)
         if self.white:
             return f"GNSS residuals are white (correlation from one to the next at most {max(largest, 0.0):.2f})"
-        noise, assumed = max(self.noise_m[:2]), max(self.assumed_m[:2])
+        noise = max(self.noise_m[:2])
+        assumed = max(self.assumed_m[:2])
         verdict = "which is what was assumed" if noise < 1.1 * assumed else f"{assumed:.3f} m was assumed"
         return (
             f"GNSS residuals are not white (correlation from one to the next up to {largest:.2f}): on the map they are "

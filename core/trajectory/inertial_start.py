@@ -91,7 +91,8 @@ class MountedImu:
     def without(self, clock_rate: float, gyro_scale: float, middle_s: float) -> "MountedImu":
         """With a clock that runs slower, and is as it was at a time, and smaller rates."""
         track = self.track
-        t_s, rate = track.t_s - clock_rate * (track.t_s - middle_s), (1.0 - gyro_scale) * track.rate_radps
+        t_s = track.t_s - clock_rate * (track.t_s - middle_s)
+        rate = (1.0 - gyro_scale) * track.rate_radps
         shares = self.clock_rate + clock_rate, self.gyro_scale + gyro_scale
         return MountedImu(
             replace(track, t_s=t_s, rate_radps=rate), self.mounting, self.noise, self.minus_gnss_s, *shares
@@ -107,7 +108,8 @@ class MountedImu:
 def site_of(track: GnssTrack, frame: MapFrame) -> Site:
     """Gravity, rotation and scale in the middle of a track."""
     lon, lat = middle_deg(track.lon_deg, track.lat_deg)
-    height, radius = float(np.nanmedian(track.height_m)), radius_m(lat)
+    height = float(np.nanmedian(track.height_m))
+    radius = radius_m(lat)
     convergence = float(frame.convergence_deg(np.array([lon]), np.array([lat]))[0])
     scale = frame.ground_scale(lon, lat, height)
     return Site(normal_gravity_mps2(lat, height), earth_rate_radps(lat, convergence), radius, scale)
@@ -182,7 +184,8 @@ class InertialProblem:
 
     def with_imu_earlier(self, offset_s: float) -> "InertialProblem":
         """With times of the IMU, and of the knots, that are earlier by an offset."""
-        track, knots = self.links.track, self.knots
+        track = self.links.track
+        knots = self.knots
         chains = tuple(replace(chain, begin_s=chain.begin_s - offset_s) for chain in knots.chains)
         links = replace(self.links, track=replace(track, t_s=track.t_s - offset_s))
         return replace(self, links=links, knots=Knots(chains, knots.t_s - offset_s))
@@ -259,7 +262,8 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
         mended = likely_mistake(problem, worst)
         source = problem.links.track.source or "The IMU"
         raise InputError("imu-contradicts", source=source, misfit=worst, better_other=mended)
-    chains, first = [], 0
+    chains = []
+    first = 0
     for guess in guesses:
         chains.append(replace(guess.chain, first=first))
         first += guess.chain.count
@@ -275,7 +279,8 @@ def likely_mistake(problem: InertialProblem, misfit: float | None = None) -> str
     Args:
         misfit: of the first guess as it is; None if it is not known.
     """
-    track, chain = problem.links.track, max(problem.knots.chains, key=lambda c: c.count)
+    track = problem.links.track
+    chain = max(problem.knots.chains, key=lambda c: c.count)
     part = replace(chain, count=min(chain.count, KNOTS_TRIED))
     if misfit is None:
         stated = _guess_states(problem, part, track)
@@ -304,8 +309,10 @@ class _Guess:
 
 def _guess_states(problem: InertialProblem, chain: Chain, track: InertialTrack) -> _Guess | None:
     """The first guess of a chain; None where nothing shows the heading."""
-    p, links = problem.positions, problem.links
-    stretch, arm = links.site.stretch, problem.lever_m - links.lever_m
+    p = problem.positions
+    links = problem.links
+    stretch = links.site.stretch
+    arm = problem.lever_m - links.lever_m
     t_s = chain.begin_s + KNOT_STEP_S * np.arange(chain.count, dtype=np.float64)
     off_m = p.xyz_m - problem.origin_m
     antenna = np.column_stack([np.interp(t_s, p.t_s, off_m[:, axis]) for axis in range(3)]) / stretch

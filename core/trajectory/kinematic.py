@@ -140,11 +140,16 @@ def solve_path(
             equations.add((middle - 1) * _STATE + column, design, -change, ACCELERATION_MPS2 * span)
 
         way = np.hypot(*np.diff(state[:, :2], axis=0).T)
-        behind, ahead = way[middle - 1], way[middle]
+        behind = way[middle - 1]
+        ahead = way[middle]
         mean = 0.5 * (behind + ahead) + CURVATURE_FLOOR_RAD
-        a, b = behind / mean, ahead / mean  # turn ahead · way behind = turn behind · way ahead
+        # turn ahead · way behind = turn behind · way ahead
+        a = behind / mean
+        b = ahead / mean
         design = np.zeros((len(middle), 2 * _STATE + 1))
-        design[:, 0], design[:, _STATE], design[:, 2 * _STATE] = b, -a - b, a
+        design[:, 0] = b
+        design[:, _STATE] = -a - b
+        design[:, 2 * _STATE] = a
         turn = np.diff(state[:, 2])
         sigma = CURVATURE_RATE * span * behind * ahead / mean + CURVATURE_FLOOR_RAD
         equations.add((middle - 1) * _STATE + 2, design, b * turn[middle - 1] - a * turn[middle], sigma)
@@ -178,7 +183,8 @@ def outliers(normed: FloatArray) -> BoolArray:
 
 def _turned(yaw_rad: FloatArray, lever_m: tuple[float, float, float]) -> FloatArray:
     """The lever arm's horizontal part in the map frame, (n, 2)."""
-    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    c = np.cos(yaw_rad)
+    s = np.sin(yaw_rad)
     return np.column_stack([c * lever_m[0] - s * lever_m[1], s * lever_m[0] + c * lever_m[1]])
 
 
@@ -229,7 +235,8 @@ def _add_drift(
     for column in range(first, first + axes):
         equations.add(begins * size + column, np.ones((len(begins), 1)), -state[begins, column], drift_m[begins])
         design = np.zeros((len(goes_on), size + 1))
-        design[:, 0], design[:, size] = -kept, 1.0
+        design[:, 0] = -kept
+        design[:, size] = 1.0
         residual = kept * state[goes_on, column] - state[goes_on + 1, column]
         sigma = drift_m[goes_on] * np.sqrt(1.0 - kept**2)
         equations.add(goes_on * size + column, design, residual, sigma)
@@ -242,19 +249,25 @@ def _add_wheels(equations: NormalEquations, chain: PathEpochs, state: FloatArray
 
     moving = np.flatnonzero(~chain.standing & ~chain.gap)
     middle = 0.5 * (state[moving, 2] + state[moving + 1, 2])
-    c, s = np.cos(middle), np.sin(middle)
+    c = np.cos(middle)
+    s = np.sin(middle)
     sideways = -s * step[moving, 0] + c * step[moving, 1]
     along = c * step[moving, 0] + s * step[moving, 1]
     design = np.zeros((len(moving), _STATE + 3))
-    design[:, 0], design[:, 1], design[:, 2] = s, -c, -0.5 * along
-    design[:, 5], design[:, 6], design[:, 7] = -s, c, -0.5 * along
+    design[:, 0] = s
+    design[:, 1] = -c
+    design[:, 2] = -0.5 * along
+    design[:, 5] = -s
+    design[:, 6] = c
+    design[:, 7] = -0.5 * along
     equations.add(moving * _STATE, design, -sideways, np.hypot(SLIP * along, PATH_SLIP_FLOOR_M))
 
     still = np.flatnonzero(chain.standing & ~chain.gap)
     # Over a long gap nothing is known of the yaw; a weaker link than that makes the equations singular.
     turning = np.where(chain.standing, STAND_STEP_RAD, np.minimum(YAW_RATE_RADPS * dt, np.pi))
     pair = np.zeros((len(dt), _STATE + 1))
-    pair[:, 0], pair[:, _STATE] = -1.0, 1.0
+    pair[:, 0] = -1.0
+    pair[:, _STATE] = 1.0
     for column in range(2):
         equations.add(still * _STATE + column, pair[still], -step[still, column], np.full(len(still), STAND_STEP_M))
     every = np.arange(len(dt))
@@ -263,7 +276,8 @@ def _add_wheels(equations: NormalEquations, chain: PathEpochs, state: FloatArray
 
 def _solve_height(chain: PathEpochs, antenna: EpochMeasurements) -> tuple[FloatArray, FloatArray]:
     """Heights of the antenna (n,) and their standard deviations (n,)."""
-    n, size = len(chain.t_s), 2
+    n = len(chain.t_s)
+    size = 2
     known = np.flatnonzero(np.isfinite(antenna.height_m))
     base = float(np.median(antenna.height_m[known]))
     state = np.zeros((n, size))
@@ -276,7 +290,8 @@ def _solve_height(chain: PathEpochs, antenna: EpochMeasurements) -> tuple[FloatA
     equations.add((middle - 1) * size, _second_difference(before, after, size), zero, bound)
     dt = np.diff(chain.t_s)
     pair = np.zeros((n - 1, size + 1))
-    pair[:, 0], pair[:, size] = -1.0, 1.0
+    pair[:, 0] = -1.0
+    pair[:, size] = 1.0
     sigma = np.where(chain.standing, STAND_STEP_M, np.minimum(CLIMB_MPS * dt, LARGEST_CLIMB_M))
     weak = np.where(chain.stretch[1:] == chain.stretch[:-1], 10.0 * sigma, sigma)
     sigma = np.where(chain.standing, sigma, weak)
@@ -296,5 +311,7 @@ def _triples(chain: PathEpochs) -> tuple[IntArray, FloatArray, FloatArray]:
 def _second_difference(before: FloatArray, after: FloatArray, size: int) -> FloatArray:
     """Rows (m, 2·size + 1) that form the change of a rate from three neighbours."""
     design = np.zeros((len(before), 2 * size + 1))
-    design[:, 0], design[:, size], design[:, 2 * size] = 1 / before, -1 / before - 1 / after, 1 / after
+    design[:, 0] = 1 / before
+    design[:, size] = -1 / before - 1 / after
+    design[:, 2 * size] = 1 / after
     return design

@@ -138,8 +138,12 @@ def trajectory_from_attitude_logs(
         times = {"positions": gated.t_s, "roll and pitch": logs.roll_pitch.t_s, "headings": logs.heading.t_s}
         spans = (f"{name} from {iso_utc(float(t[0]))} to {iso_utc(float(t[-1]))}" for name, t in times.items())
         raise InputError("attitude-no-overlap", spans=", ".join(spans))
-    t_s, xyz, velocity = t_s[known], xyz[known], velocity[known]
-    roll, pitch, heading = roll[known], pitch[known], heading[known]
+    t_s = t_s[known]
+    xyz = xyz[known]
+    velocity = velocity[known]
+    roll = roll[known]
+    pitch = pitch[known]
+    heading = heading[known]
     if logs.heading.north == TRUE_NORTH:
         heading = heading - frame.convergence_deg(*frame.to_lon_lat(xyz[:, 0], xyz[:, 1]))
     turn = Rotation.from_quat(attitude_to_quaternion(roll, pitch, heading), scalar_first=True)
@@ -169,7 +173,8 @@ def _antenna(track: GnssTrack, en_m: FloatArray, wanted_s: FloatArray) -> tuple[
     xyz = np.column_stack([en_m, track.height_m])
     parts = []
     for part in np.split(np.arange(len(track)), 1 + np.flatnonzero(np.diff(track.t_s) > longest_gap_s(track.t_s))):
-        first_s, last_s = track.t_s[part[0]], track.t_s[part[-1]]
+        first_s = track.t_s[part[0]]
+        last_s = track.t_s[part[-1]]
         t_s = wanted_s[(wanted_s >= first_s) & (wanted_s <= last_s)]
         if len(part) < MIN_PATH_POSITIONS or not len(t_s):
             continue
@@ -190,7 +195,8 @@ def _at(t_s: FloatArray, track: AttitudeTrack, name: str) -> FloatArray:
     known = np.isfinite(values)
     if known.sum() < 2:
         return np.full(len(t_s), np.nan)
-    known_s, angle = track.t_s[known], unwrap_deg(values[known])
+    known_s = track.t_s[known]
+    angle = unwrap_deg(values[known])
     after = np.clip(np.searchsorted(known_s, t_s), 1, len(known_s) - 1)
     bridged = known_s[after] - known_s[after - 1] <= longest_gap_s(known_s)
     inside = (t_s >= known_s[0]) & (t_s <= known_s[-1]) & bridged
@@ -264,10 +270,12 @@ def locate(positions: Reader, session: Session, frame: MapFrame, beside: Compani
     baseline = track
     track = _of_nose(track, session)
     if beside.inertial is not None and session.imu is not None:
-        near_s, unused = middle_s(track), unused_attitude("[imu]")
+        near_s = middle_s(track)
+        unused = unused_attitude("[imu]")
         hints = Hints(session.imu.on_wheels, unasked=int(np.isfinite(track.heading_deg).sum()) > 1)
         if session.imu.heading == "attitude" and beside.attitude is not None:
-            hints, unused = replace(hints, heading=_heading_log(session, frame, track, beside.attitude(near_s)[1])), []
+            hints = replace(hints, heading=_heading_log(session, frame, track, beside.attitude(near_s)[1]))
+            unused = []
         elif session.imu.heading == "antennas":
             hints = replace(hints, heading=_antennas_log(session, frame, baseline))
         found = _with_imu(track, transformed, session, frame, fixes, beside.inertial(near_s), hints)
@@ -347,9 +355,11 @@ def _with_imu(
     assert session.imu is not None
     table = session.imu
     stated = {name: value for name, value in msgspec.structs.asdict(table.noise).items() if value is not None}
-    mounting, noise = Mounting(table.xyz_m, table.rpy_deg), inertial_noise(table.kind, stated)
+    mounting = Mounting(table.xyz_m, table.rpy_deg)
+    noise = inertial_noise(table.kind, stated)
     frozen: list[Notice] = []
-    measured, lever_m = without_frozen(inertial.inertial(), frozen), lever_arm_m(session)
+    measured = without_frozen(inertial.inertial(), frozen)
+    lever_m = lever_arm_m(session)
     imu = MountedImu(measured, mounting, noise).earlier_by(table.minus_gnss_s)
     imu = replace(imu, track=inertial_within(imu.track, session.recording.span_s))
     imu_warnings = (*inertial.notices, *frozen, *imu_notices(measured))
@@ -391,7 +401,8 @@ def _aided(
     """The trajectory of a machine on the ground from GNSS, and what its IMU adds to scan matching."""
     found = trajectory_from_gnss(track, frame, lever_m, fixes)
     aid = Aid(imu.in_vehicle_axes, imu.noise, site_of(track, frame), None)
-    notices, figures = [*transformed.notices, *imu_warnings, *found.notices], None
+    notices = [*transformed.notices, *imu_warnings, *found.notices]
+    figures = None
     try:
         by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, by_noise_alone=True)
     except RefusedError as refused:

@@ -103,11 +103,14 @@ def local_velocity(t_s: FloatArray, en_m: FloatArray, segment: IntArray, half_s:
         here = np.arange(max(0, -k), min(n, n - k))
         dt = t_s[here + k] - t_s[here]
         near = (np.abs(dt) <= half_s * 1.0001) & (segment[here + k] == segment[here])
-        here, dt = here[near], dt[near]
+        here = here[near]
+        dt = dt[near]
         d = en_m[here + k] - en_m[here]
         one = np.ones(len(here))
         sums[here] += np.column_stack([one, dt, dt * dt, d[:, 0], d[:, 1], dt * d[:, 0], dt * d[:, 1]])
-    count, st, stt = sums[:, 0], sums[:, 1], sums[:, 2]
+    count = sums[:, 0]
+    st = sums[:, 1]
+    stt = sums[:, 2]
     spread = count * stt - st * st
     safe = np.where(spread > 1e-9, spread, 1.0)
     slope = (count[:, None] * sums[:, 5:7] - st[:, None] * sums[:, 3:5]) / safe[:, None]
@@ -117,11 +120,13 @@ def local_velocity(t_s: FloatArray, en_m: FloatArray, segment: IntArray, half_s:
 def length_m(en_m: FloatArray) -> float:
     """Length of a path (n, 2) in steps of at least :data:`MIN_PATH_STEP_M` and on to its end: noise adds no way."""
     path = en_m.tolist()
-    length, last = 0.0, path[0]
+    length = 0.0
+    last = path[0]
     for position in path[1:]:
         step = math.dist(position, last)
         if step >= MIN_PATH_STEP_M:
-            length, last = length + step, position
+            length = length + step
+            last = position
     return length + math.dist(path[-1], last)
 
 
@@ -204,7 +209,8 @@ def _link(
     after: tuple[int, int],
 ) -> int:
     """+1 if a leg goes on in the direction of the one before, −1 if it turns back, 0 if that is unknown."""
-    v_before, v_after = velocity[_away_from_end(en_m, before, -1)], velocity[_away_from_end(en_m, after, 0)]
+    v_before = velocity[_away_from_end(en_m, before, -1)]
+    v_after = velocity[_away_from_end(en_m, after, 0)]
     if segment[before[1]] == segment[after[0]]:
         return 1 if v_before @ v_after >= 0 else -1
     # Across a gap the vehicle may have shifted gears unseen, as in a turn: forward, back and forward again. It went on
@@ -233,11 +239,14 @@ def distance_and_standing(trajectory: Trajectory, begin_s: float, end_s: float) 
     inside = (trajectory.t_s > begin_s) & (trajectory.t_s < end_s)
     t_s = np.concatenate([[begin_s], trajectory.t_s[inside], [end_s]])
     before, share, known = trajectory.interval(t_s)
-    t_s, nearest = t_s[known], (before + (share > 0.5))[known]
+    t_s = t_s[known]
+    nearest = (before + (share > 0.5))[known]
     if not len(t_s):
         return 0.0, 0.0
-    en_m, standing = trajectory.at(t_s).xyz_m[:, :2], trajectory.motion[nearest] == Motion.STANDING
+    en_m = trajectory.at(t_s).xyz_m[:, :2]
+    standing = trajectory.motion[nearest] == Motion.STANDING
     step_s = np.diff(t_s)
-    gap, still = step_s > trajectory.max_gap_s, standing[1:] & standing[:-1]
+    gap = step_s > trajectory.max_gap_s
+    still = standing[1:] & standing[:-1]
     drives = np.split(en_m, np.flatnonzero(gap | still) + 1)
     return sum(length_m(drive) for drive in drives), float(step_s[still & ~gap].sum())

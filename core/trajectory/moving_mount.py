@@ -64,7 +64,8 @@ def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple
     Raises:
         InputError: if they have no time in common.
     """
-    begin_s, end_s = max(trajectory.t_s[0], motion.t_s[0]), min(trajectory.t_s[-1], motion.t_s[-1])
+    begin_s = max(trajectory.t_s[0], motion.t_s[0])
+    end_s = min(trajectory.t_s[-1], motion.t_s[-1])
     times = np.union1d(trajectory.t_s, motion.t_s)
     times = times[(times >= begin_s) & (times <= end_s)]
     times = times[np.diff(times, prepend=-np.inf) > MIN_KNOT_DISTANCE_S]

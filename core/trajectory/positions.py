@@ -71,7 +71,8 @@ def offsets(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> Offset
     Of equal qualities it is the side of fewer positions. Float solutions may be metres off with a stated standard
     deviation of decimetres, which the step to the next fixed position shows.
     """
-    t_s, sigma = track.t_s, sigmas_m(track)[:, 0]
+    t_s = track.t_s
+    sigma = sigmas_m(track)[:, 0]
     new = np.diff(track.fix, prepend=track.fix[:1]) != 0
     off = np.zeros(len(t_s))
     if len(t_s) < MIN_POSITIONS_FOR_STEPS:
@@ -171,7 +172,8 @@ def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice
     unused = quality_words(track.fix[~use])
     if use.sum() >= 2:
         return track[use], unused
-    source, placed = track.source or "The GNSS log", np.isfinite(track.lon_deg) & (track.fix != Fix.NONE)
+    source = track.source or "The GNSS log"
+    placed = np.isfinite(track.lon_deg) & (track.fix != Fix.NONE)
     count = int(positioned.sum())
     if placed.sum() >= 2 and count < 2:
         raise InputError("gnss-no-heights", source=source, placed=int(placed.sum()))
@@ -271,13 +273,16 @@ def climb_notices(track: GnssTrack, en_m: FloatArray) -> list[Notice]:
     known = np.isfinite(track.height_m)
     if known.sum() < 2:
         return []
-    track, en_m = track[known], en_m[known]
-    t_s, sigma_m = track.t_s, sigmas_m(track)[:, 1]
+    track = track[known]
+    en_m = en_m[known]
+    t_s = track.t_s
+    sigma_m = sigmas_m(track)[:, 1]
     step_s = np.diff(t_s)
     way_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(en_m, axis=0), axis=1)))
     gaps = np.append(0, np.cumsum(step_s > max(CLIMB_GAP_S, CLIMB_GAP_INTERVALS * float(np.median(step_s)))))
     steep = np.zeros(len(t_s), bool)
-    worst, worst_at = 0.0, (0, 0)
+    worst = 0.0
+    worst_at = (0, 0)
     for window_s in CLIMB_WINDOWS_S:
         first = np.arange(len(t_s))
         last = np.searchsorted(t_s, t_s + window_s, side="right") - 1
@@ -291,7 +296,8 @@ def climb_notices(track: GnssTrack, en_m: FloatArray) -> list[Notice]:
         steep[first] |= beyond_m > 0.0
         at = int(np.argmax(beyond_m))
         if beyond_m[at] > worst:
-            worst, worst_at = float(beyond_m[at]), (int(first[at]), int(last[at]))
+            worst = float(beyond_m[at])
+            worst_at = (int(first[at]), int(last[at]))
     if not steep.any():
         return []
     a, b = worst_at

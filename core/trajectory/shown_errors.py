@@ -80,7 +80,8 @@ def _likeliest_times(stated: InertialProblem, fit: Fitted) -> tuple[float, float
 
     What lost weight there takes no part: a few outliers of metres would outweigh all else.
     """
-    knots, state = stated.knots, fit.state
+    knots = stated.knots
+    state = fit.state
     trusted = replace(fit.observed, weight=np.where(fit.observed.weight < 1.0, UNTRUSTED, 1.0))
     _, *rest = beside_positions(stated)  # the slow errors come first
     same = normal_equations((trusted, *rest), knots, state)
@@ -108,7 +109,8 @@ def _with_force_times(stated: InertialProblem, times: tuple[float, float]) -> In
 
 def _likeliest_force_times(stated: InertialProblem, fit: Fitted) -> tuple[float, float]:
     """Times the stated noise, of the map's axes and of heights, linearised at a fit."""
-    knots, state = stated.knots, fit.state
+    knots = stated.knots
+    state = fit.state
     drift, _, *hints = beside_positions(stated)  # the IMU comes second
     same = normal_equations((fit.observed, drift, *hints), knots, state)
 
@@ -136,7 +138,8 @@ def _with_scatter(stated: InertialProblem, times: tuple[float, float]) -> Inerti
 
 def _likeliest_scatter(stated: InertialProblem, fit: Fitted) -> tuple[float, float]:
     """Times the stated white noise, of the map's axes and of heights, linearised at a fit."""
-    knots, state = stated.knots, fit.state
+    knots = stated.knots
+    state = fit.state
     same = normal_equations(beside_positions(stated), knots, state)
 
     def antenna(times: tuple[float, float]) -> Observation:

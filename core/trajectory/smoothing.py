@@ -53,7 +53,8 @@ def smoothed(t_s: FloatArray, values: FloatArray, stiffness: float) -> tuple[Flo
     if len(t_s) < 3:
         return values, curve
     step = np.diff(t_s)
-    before, after = 1.0 / step[:-1], 1.0 / step[1:]
+    before = 1.0 / step[:-1]
+    after = 1.0 / step[1:]
     middle = -before - after
     bands = np.zeros((3, len(middle)))
     bands[2] = (step[:-1] + step[1:]) / 3.0 + stiffness * (before**2 + middle**2 + after**2)

@@ -141,7 +141,9 @@ class _FlightPath:
 def longest_within(values, reach):  # type: ignore[no-untyped-def]
     """First index and length of the longest run whose values differ by at most `reach`."""
     n = len(values)
-    highs, lows = np.empty(n, np.int64), np.empty(n, np.int64)  # candidates for the run's greatest and least value
+    # candidates for the run's greatest and least value
+    highs = np.empty(n, np.int64)
+    lows = np.empty(n, np.int64)
     high_from = high_to = low_from = low_to = 0
     best_first = best = first = 0
     for i in range(n):
@@ -158,5 +160,6 @@ def longest_within(values, reach):  # type: ignore[no-untyped-def]
             high_from += highs[high_from] < first
             low_from += lows[low_from] < first
         if i + 1 - first > best:
-            best_first, best = first, i + 1 - first
+            best_first = first
+            best = i + 1 - first
     return best_first, best

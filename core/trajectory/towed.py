@@ -26,7 +26,8 @@ def towed(trajectory: Trajectory, links: Sequence[Link]) -> Trajectory:
     gap = np.append(True, np.diff(trajectory.t_s) > trajectory.max_gap_s)
     for link in links:
         x_m, y_m = link.joint_m
-        cos, sin = np.cos(yaw), np.sin(yaw)
+        cos = np.cos(yaw)
+        sin = np.sin(yaw)
         place += np.column_stack([x_m * cos - y_m * sin, x_m * sin + y_m * cos])
         if link.drawbar_m > 0.0:
             yaw = _drawn_yaw(place, yaw, gap.tolist(), link.drawbar_m)

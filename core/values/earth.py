@@ -14,7 +14,9 @@ _E2: Final = FLATTENING * (2.0 - FLATTENING)
 
 def earth_centred_m(lon_deg: ArrayLike, lat_deg: ArrayLike, height_m: ArrayLike) -> FloatArray:
     """Earth-centred, earth-fixed coordinates (n, 3) of geodetic ones (n,), the height above the ellipsoid."""
-    lon, lat, height = np.radians(lon_deg), np.radians(lat_deg), np.asarray(height_m, np.float64)
+    lon = np.radians(lon_deg)
+    lat = np.radians(lat_deg)
+    height = np.asarray(height_m, np.float64)
     normal = SEMI_MAJOR_M / np.sqrt(1.0 - _E2 * np.sin(lat) ** 2)
     return np.column_stack(
         [
@@ -27,7 +29,8 @@ def earth_centred_m(lon_deg: ArrayLike, lat_deg: ArrayLike, height_m: ArrayLike)
 
 def east_north_up(lon_deg: ArrayLike, lat_deg: ArrayLike) -> FloatArray:
     """Matrices (n, 3, 3) that rotate earth-centred vectors to east, north and up (along the ellipsoid's normal)."""
-    lon, lat = np.atleast_1d(np.radians(lon_deg)), np.atleast_1d(np.radians(lat_deg))
+    lon = np.atleast_1d(np.radians(lon_deg))
+    lat = np.atleast_1d(np.radians(lat_deg))
     zero = np.zeros_like(lon)
     east = np.column_stack([-np.sin(lon), np.cos(lon), zero])
     north = np.column_stack([-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)])

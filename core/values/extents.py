@@ -39,12 +39,16 @@ def cells_with_points(place_m: FloatArray, cell_m: float) -> NDArray[np.int64]:
 
 @kernel()
 def _bounds(place_m):  # type: ignore[no-untyped-def]
-    low, high = place_m[0].copy(), place_m[0].copy()
+    low = place_m[0].copy()
+    high = place_m[0].copy()
     for k in range(place_m.shape[1]):
-        least, most = low[k], high[k]
+        least = low[k]
+        most = high[k]
         for i in range(len(place_m)):
-            least, most = min(least, place_m[i, k]), max(most, place_m[i, k])
-        low[k], high[k] = least, most
+            least = min(least, place_m[i, k])
+            most = max(most, place_m[i, k])
+        low[k] = least
+        high[k] = most
     return low, high
 
 

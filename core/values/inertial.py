@@ -96,7 +96,8 @@ class InertialNoise:
         accel_walk_mg_rts: float,
     ) -> "InertialNoise":
         """Noise in the units of data sheets."""
-        dps, mg = np.pi / 180.0, 1e-3 * STANDARD_GRAVITY_MPS2
+        dps = np.pi / 180.0
+        mg = 1e-3 * STANDARD_GRAVITY_MPS2
         return cls(
             gyro_deg_s_rthz * dps, accel_mg_rthz * mg, gyro_bias_deg_s * dps, accel_bias_mg * mg,
             gyro_walk_deg_s_rts * dps, accel_walk_mg_rts * mg,

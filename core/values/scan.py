@@ -49,7 +49,8 @@ def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, str
     shorter_s = min(first.last_s - first.first_s, second.last_s - second.first_s)
     for step_s, largest, cause in _OFFSETS:
         # Offsets outside this range give no overlap.
-        low_s, high_s = first.first_s - second.last_s, first.last_s - second.first_s
+        low_s = first.first_s - second.last_s
+        high_s = first.last_s - second.first_s
         numbers = range(max(-largest, math.ceil(low_s / step_s)), min(largest, math.floor(high_s / step_s)) + 1)
         meeting = [n * step_s for n in numbers if n != 0]
         best_s = max(meeting, key=lambda offset_s: (overlap_s(first, second, offset_s), -abs(offset_s)), default=None)
@@ -212,7 +213,8 @@ def shortened(
 ) -> NDArray[np.float32]:
     """Returns (n, 3) of a sensor at `sensor_m`, nearer to it by their lasers' constants."""
     # A read-only array is another type to numba: the kernel would be compiled a second time.
-    points, lasers = np.require(xyz_m, np.float32, ["C", "W"]), np.require(laser, np.uint8, ["C", "W"])
+    points = np.require(xyz_m, np.float32, ["C", "W"])
+    lasers = np.require(laser, np.uint8, ["C", "W"])
     out: NDArray[np.float32] = _shortened(points, lasers, sensor_m, offset_m)
     return out
 
@@ -221,7 +223,11 @@ def shortened(
 def _shortened(xyz_m, laser, sensor_m, offset_m):  # type: ignore[no-untyped-def]
     out = np.empty(xyz_m.shape, np.float32)
     for i in range(len(xyz_m)):
-        x, y, z = xyz_m[i, 0] - sensor_m[0], xyz_m[i, 1] - sensor_m[1], xyz_m[i, 2] - sensor_m[2]
+        x = xyz_m[i, 0] - sensor_m[0]
+        y = xyz_m[i, 1] - sensor_m[1]
+        z = xyz_m[i, 2] - sensor_m[2]
         share = offset_m[laser[i]] / max(np.sqrt(x * x + y * y + z * z), 0.1)
-        out[i, 0], out[i, 1], out[i, 2] = xyz_m[i, 0] - share * x, xyz_m[i, 1] - share * y, xyz_m[i, 2] - share * z
+        out[i, 0] = xyz_m[i, 0] - share * x
+        out[i, 1] = xyz_m[i, 1] - share * y
+        out[i, 2] = xyz_m[i, 2] - share * z
     return out

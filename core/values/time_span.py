@@ -63,7 +63,8 @@ def track_within(track: Track, span_s: Span) -> Track:
 
 def inertial_within(measured: InertialTrack, span_s: Span) -> InertialTrack:
     """The measurements of an IMU in a span."""
-    first, end = np.searchsorted(measured.t_s, span_s[0]), np.searchsorted(measured.t_s, span_s[1], side="right")
+    first = np.searchsorted(measured.t_s, span_s[0])
+    end = np.searchsorted(measured.t_s, span_s[1], side="right")
     return measured.part(slice(int(first), int(end)))
 
 

@@ -138,7 +138,8 @@ class Trajectory:
         xyz = np.full((len(k), 3), np.nan)
         quaternion = np.full((len(k), 4), np.nan)
         if known.any():
-            k, share = k[known], share[known]
+            k = k[known]
+            share = share[known]
             xyz[known] = self.xyz_m[k] + share[:, None] * (self.xyz_m[k + 1] - self.xyz_m[k])
             start = Rotation.from_quat(self.quaternion[k], scalar_first=True)
             quaternion[known] = (start * Rotation.from_rotvec(share[:, None] * self.turn_rad[k])).as_quat(

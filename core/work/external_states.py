@@ -71,9 +71,11 @@ def compare_states(seen: ToolStates, external: ToolStates) -> StateComparison:
     """Compare two histories of states."""
     cuts = np.unique(np.concatenate([seen.begin_s, seen.end_s, external.begin_s, external.end_s]))
     cuts = cuts[np.isfinite(cuts)]
-    begin, end = cuts[:-1], cuts[1:]
+    begin = cuts[:-1]
+    end = cuts[1:]
     middle = 0.5 * (begin + end)
-    mine, theirs = seen.at(middle)[0], external.at(middle)[0]
+    mine = seen.at(middle)[0]
+    theirs = external.at(middle)[0]
     both = (mine != ToolState.UNKNOWN) & (theirs != ToolState.UNKNOWN)
     compared_s = float((end - begin)[both].sum())
     differ = both & (mine != theirs)
@@ -111,7 +113,8 @@ def external_states(
         raise InputError("wrong-kind-of-file.external-states", paths=paths[0], title=reader.title)
     states = reader.states()
     ahead_s = implement.states_minus_gnss_s
-    begin_s, end_s = states.begin_s - ahead_s, states.end_s - ahead_s
+    begin_s = states.begin_s - ahead_s
+    end_s = states.end_s - ahead_s
     open_end = ~np.isfinite(end_s)
     end_s = np.where(open_end, np.maximum(trajectory.t_s[-1], np.nextafter(begin_s, np.inf)), end_s)
     sections = tuple(one.later(-ahead_s) for one in states.sections)

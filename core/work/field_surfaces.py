@@ -81,7 +81,9 @@ class FieldPoints:
     """Collects the ground points of a run as far as `reach_m` and computes surfaces: a context manager."""
 
     def __init__(self, folder: Path, cell_m: float = FIELD_CELL_M, reach_m: float = MAX_REACH_M) -> None:
-        self._folder, self._cell_m, self._reach_m = folder, cell_m, reach_m
+        self._folder = folder
+        self._cell_m = cell_m
+        self._reach_m = reach_m
         self._spool: PointSpool | None = None
         self._origin_m = (0.0, 0.0, 0.0)
 
@@ -178,7 +180,8 @@ def field_tile(
         for passage_s in (tool.first_s, tool.last_s, near.first_s, near.last_s)
     ]
     after, before, both = before_and_after(points.cell, points.t_s, low, *limits_s, np.float32(SETTLE_S))
-    later, swaths = points.surface(statistic, after), block_differences(points, after)
+    later = points.surface(statistic, after)
+    swaths = block_differences(points, after)
     earlier = points.surface(statistic, before)
     compared = both.reshape(grid.shape)
     change = np.where(compared, later.height_m - earlier.height_m, np.float32(np.nan))
@@ -190,7 +193,8 @@ def field_tile(
 def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which points (n,) are not high above the soil, within `where`; elsewhere all."""
     grid = points.grid
-    rows, columns = grid.rows // BLOCK, grid.columns // BLOCK
+    rows = grid.rows // BLOCK
+    columns = grid.columns // BLOCK
     blocks = Grid(grid.cell_m * BLOCK, 0, 0, (rows, columns))
     row, column = np.divmod(np.arange(grid.rows * grid.columns), grid.columns)
     block = (row // BLOCK * columns + column // BLOCK).astype(np.uint16)
@@ -227,7 +231,8 @@ class SoilSums(ChangeSums):
 
     def add_tile(self, tile: FieldTile) -> None:
         """Take a tile into account."""
-        before, spread_m = tile.before, np.hypot(tile.after.spread_m, tile.before.spread_m)
+        before = tile.before
+        spread_m = np.hypot(tile.after.spread_m, tile.before.spread_m)
         self.add(tile.number, tile.change_m, tile.change_error_m, spread_m, before.height_m, before.count)
 
     def moved(self, cell_m2: float) -> SoilMoved | None:
@@ -250,7 +255,9 @@ def within(xyz_m, kept, reach_m):  # type: ignore[no-untyped-def]
     """Which of the kept points (n,) lie within reach of the sensor, in whose frame they are."""
     near = np.empty(len(xyz_m), np.bool_)
     for i in range(len(xyz_m)):
-        x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        x = xyz_m[i, 0]
+        y = xyz_m[i, 1]
+        z = xyz_m[i, 2]
         near[i] = kept[i] and x * x + y * y + z * z < reach_m * reach_m
     return near
 
@@ -263,17 +270,21 @@ def before_and_after(cell, t_s, low, tool_first_s, tool_last_s, near_first_s, ne
     passed over the cell, or all where it did not. Likewise before.
     """
     cells = len(tool_first_s)
-    later, earlier = np.zeros(cells, np.bool_), np.zeros(cells, np.bool_)
+    later = np.zeros(cells, np.bool_)
+    earlier = np.zeros(cells, np.bool_)
     for i in range(len(cell)):
         k = cell[i]
         later[k] |= low[i] and t_s[i] > near_last_s[k] + settle_s
         earlier[k] |= low[i] and t_s[i] < near_first_s[k] - settle_s
-    from_s, until_s = np.empty(cells, np.float32), np.empty(cells, np.float32)
+    from_s = np.empty(cells, np.float32)
+    until_s = np.empty(cells, np.float32)
     for k in range(cells):
         from_s[k] = near_last_s[k] if later[k] else tool_last_s[k]
         until_s[k] = near_first_s[k] if earlier[k] else tool_first_s[k]
-    after, before = np.empty(len(cell), np.bool_), np.empty(len(cell), np.bool_)
-    seen_after, seen_before = np.zeros(cells, np.bool_), np.zeros(cells, np.bool_)
+    after = np.empty(len(cell), np.bool_)
+    before = np.empty(len(cell), np.bool_)
+    seen_after = np.zeros(cells, np.bool_)
+    seen_before = np.zeros(cells, np.bool_)
     for i in range(len(cell)):
         k = cell[i]
         after[i] = low[i] and t_s[i] > from_s[k] + settle_s

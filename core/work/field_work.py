@@ -94,7 +94,8 @@ def events(trajectory: Trajectory, states: ToolStates, implement: Implement) -> 
     """What happened, in the order of time."""
     found = [*_transitions(states)]
     changed = 1 + np.flatnonzero(np.diff(trajectory.motion))
-    motions, changed_s = trajectory.motion[changed].tolist(), trajectory.t_s[changed].tolist()
+    motions = trajectory.motion[changed].tolist()
+    changed_s = trajectory.t_s[changed].tolist()
     found += [(MOTION_EVENTS[Motion(k)], t_s, float("nan")) for k, t_s in zip(motions, changed_s, strict=True)]
     found += [("gap", float(begin_s), float("nan")) for begin_s in trajectory.gaps_s[:, 0]]
     found.sort(key=lambda event: event[1])
@@ -121,7 +122,8 @@ def _stretches(states: ToolStates, span_s: tuple[float, float]) -> Iterator[tupl
     """(state, begin_s, end_s) of all the time of a trajectory, unknown where `states` say nothing."""
     at_s = span_s[0]
     for k in range(len(states)):
-        begin_s, end_s = max(float(states.begin_s[k]), at_s), min(float(states.end_s[k]), span_s[1])
+        begin_s = max(float(states.begin_s[k]), at_s)
+        end_s = min(float(states.end_s[k]), span_s[1])
         if begin_s >= end_s:
             continue
         if begin_s > at_s:
@@ -263,7 +265,8 @@ class _ImplementTracking:
 
     def __init__(self, stated: Implement | None, earlier: SeenImplement | None) -> None:
         self._earlier = earlier
-        self.stated, self.name = stated, stated.name if stated is not None else ""
+        self.stated = stated
+        self.name = stated.name if stated is not None else ""
         self.learned = Learned(None, ())
         self.heights: ToolHeightTracker | None = None
         self.hint = Hint(stated.xy_m, stated.width_m, stated.region_m, stated.lift_m) if stated is not None else None
@@ -332,7 +335,8 @@ class ImplementTracker:
 
     def learn(self, trajectory: Trajectory) -> MachineVoxels | None:
         """Find the implements, between the two readings; the machine of which they are part, None where not known."""
-        mounting, near = self._session.lidar.mounting, self._near.scans
+        mounting = self._session.lidar.mounting
+        near = self._near.scans
         self._near.scans = []
         if self._ringed and not any(self._ringed):
             for tool in self._tools:
@@ -392,7 +396,8 @@ def _not_separated(tools: Sequence[_ImplementTracking]) -> Iterator[Notice]:
     for one, other in combinations(tools, 2):
         assert one.hint is not None
         assert other.hint is not None
-        (a0, a1, b0, b1), (c0, c1, d0, d1) = one.hint.region_m, other.hint.region_m
+        a0, a1, b0, b1 = one.hint.region_m
+        c0, c1, d0, d1 = other.hint.region_m
         if max(a0, c0) < min(a1, c1) and max(b0, d0) < min(b1, d1):
             yield Notice("implements-overlap", one=one.name, other=other.name)
 
@@ -425,7 +430,8 @@ def with_external_states(found: FieldWork, external: ToolStates, implement: Impl
 
 def with_ground(found: FieldWork, implement: Implement | None, trajectory: Trajectory, frame: MapFrame) -> FieldWork:
     """The work with the ground that its states make; as it was where no state is known, or not the tool's width."""
-    states, history = found.states, found.history
+    states = found.states
+    history = found.history
     if states is None or not (states.state != ToolState.UNKNOWN).any():
         return found
     if implement is None:

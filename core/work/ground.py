@@ -83,7 +83,8 @@ class OutlineErrors:
         self._slip_m = np.array([slip for sweep, _ in runs for slip in (sweep.begin_slip_m, sweep.end_slip_m)])
         self._outward = np.array([_outward(sweep, k) for sweep, _ in runs for k in (0, -1)]).reshape(-1, 2)
         segments = np.concatenate([np.empty((0, 2, 3)), *sides, *ends])
-        self._begin_s, self._end_s = segments[:, 0, 2], segments[:, 1, 2]
+        self._begin_s = segments[:, 0, 2]
+        self._end_s = segments[:, 1, 2]
         self._end = np.concatenate([np.full(len(segments) - len(ends), -1), np.arange(len(ends))])
         self._lines = np.asarray(shapely.linestrings(segments[:, :, :2]), object)
         self._tree = shapely.STRtree(self._lines)
@@ -96,7 +97,9 @@ class OutlineErrors:
         shape, place, normal = _outlines(shapes)
         points = np.asarray(shapely.points(place), object)
         found, source = self._sources(points)
-        shape, place, normal = shape[found], place[found], normal[found]
+        shape = shape[found]
+        place = place[found]
+        normal = normal[found]
         line = self._lines[source]
         share = shapely.line_locate_point(line, points[found], normalized=True)
         t = self._begin_s[source] + share * (self._end_s[source] - self._begin_s[source])
@@ -111,13 +114,15 @@ class OutlineErrors:
         """(which of `points`, index of the nearest line), for those that lie on a line."""
         point, line = self._tree.query(points, predicate="dwithin", distance=TOUCHING_M)
         order = np.lexsort((shapely.distance(points[point], self._lines[line]), point))
-        point, line = point[order], line[order]
+        point = point[order]
+        line = line[order]
         nearest = np.diff(point, prepend=-1) > 0
         return point[nearest], line[nearest]
 
     def _effects(self, t_s: FloatArray, place: FloatArray, normal: FloatArray) -> list[tuple[FloatArray, float]]:
         """What one standard deviation of easting, of northing and of heading at `t_s` adds to an area, each (n,)."""
-        knots, sigma = self._trajectory.t_s, self._trajectory.sigma
+        knots = self._trajectory.t_s
+        sigma = self._trajectory.sigma
         e, n, heading = (
             np.interp(t_s, knots, sigma[:, SIGMA_NAMES.index(name)]) for name in ("e_m", "n_m", "heading_deg")
         )
@@ -132,7 +137,9 @@ class OutlineErrors:
     def _add_transitions(self, shape: IntArray, end: IntArray, normal: FloatArray, variance: FloatArray) -> None:
         """Add the variance from the times of the tool's transitions: each by itself, and what they have in common."""
         at_end = end >= 0
-        shape, end, normal = shape[at_end], end[at_end], normal[at_end]
+        shape = shape[at_end]
+        end = end[at_end]
+        normal = normal[at_end]
         moved = np.einsum("ij,ij->i", normal, self._outward[end])
         keys, which = np.unique(np.column_stack([shape, end]), axis=0, return_inverse=True)
         added = np.bincount(which.ravel(), weights=moved, minlength=len(keys)) * self._slip_m[keys[:, 1]]
@@ -151,7 +158,9 @@ def _ends(sweep: Sweep) -> list[FloatArray]:
     """(1, 2, 3) the tool's line at the beginning and the end of a sweep."""
     ends = []
     for k in (0, -1):
-        middle, half, t = sweep.middle_m[k, :2], sweep.half_m[k], sweep.t_s[k]
+        middle = sweep.middle_m[k, :2]
+        half = sweep.half_m[k]
+        t = sweep.t_s[k]
         ends.append(np.array([[[*(middle + half), t], [*(middle - half), t]]]))
     return ends
 
@@ -169,7 +178,9 @@ def _outlines(shapes: Sequence[BaseGeometry]) -> tuple[IntArray, FloatArray, Flo
     rings, piece = shapely.get_rings(shapely.segmentize(pieces, step_m), return_index=True)
     xy, ring = shapely.get_coordinates(rings, return_index=True)
     same = ring[1:] == ring[:-1]
-    begin, step, ring = xy[:-1][same], np.diff(xy, axis=0)[same], ring[1:][same]
+    begin = xy[:-1][same]
+    step = np.diff(xy, axis=0)[same]
+    ring = ring[1:][same]
     middle = begin + 0.5 * step
     away = begin - begin[np.searchsorted(ring, ring)]
     twice = np.bincount(ring, weights=away[:, 0] * step[:, 1] - away[:, 1] * step[:, 0], minlength=len(rings))
@@ -227,7 +238,8 @@ def overlapping(passes: Sequence[Sequence[ForwardRun]]) -> dict[tuple[int, int],
     first, second = shapely.STRtree(pieces).query(pieces, predicate="intersects")
     follows = (run[first] == run[second]) & (np.abs(begin_s[second] - end_s[first]) < SAME_TIME_S)
     distinct = (first < second) & ~follows
-    first, second = first[distinct], second[distinct]
+    first = first[distinct]
+    second = second[distinct]
     shared = defaultdict(list)
     for a, b, piece in zip(
         number[first].tolist(),
@@ -308,7 +320,8 @@ def zones(
     body = close_gaps(shapely.union_all(pieces[~on_turns]), width_m)
     headland = close_gaps(shapely.union_all([turning, *pieces[on_turns]]), width_m).difference(body)
     if boundary is not None:
-        body, headland = areal(body.intersection(boundary)), areal(headland.intersection(boundary))
+        body = areal(body.intersection(boundary))
+        headland = areal(headland.intersection(boundary))
     return [("body", part) for part in parts(body)] + [("headland", part) for part in parts(headland)]
 
 
@@ -318,8 +331,10 @@ def _turns(
     """The ground that each turn between two passes takes up: the hull of the tool's line near the passes' ends."""
     reach_m = max(HEADLAND_REACH_M, REACH_WIDTHS * implement.width_m)
     for before, after in pairwise(passes):
-        leaving, coming = before[-1].sweep, after[0].sweep
-        a, b = leaving.half_m[-1], coming.half_m[0]
+        leaving = before[-1].sweep
+        coming = after[0].sweep
+        a = leaving.half_m[-1]
+        b = coming.half_m[0]
         turn = np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)
         if abs(turn) < TURN_RAD:
             continue
@@ -360,11 +375,14 @@ def hours(trajectory: Trajectory, states: ToolStates, begin_s: float, end_s: flo
     """How the time from `begin_s` to `end_s` was spent."""
     cuts = np.concatenate([trajectory.t_s, states.begin_s, states.end_s, [begin_s, end_s]])
     t = np.unique(np.clip(cuts, begin_s, end_s))
-    length, middle = np.diff(t), 0.5 * (t[1:] + t[:-1])
+    length = np.diff(t)
+    middle = 0.5 * (t[1:] + t[:-1])
     knot, _, placed = trajectory.interval(middle)
-    motion, state = trajectory.motion[knot], states.at(middle)[0]
+    motion = trajectory.motion[knot]
+    state = states.at(middle)[0]
     standing = placed & (motion == Motion.STANDING)
-    forward, back = placed & (motion == Motion.FORWARD), placed & (motion == Motion.REVERSE)
+    forward = placed & (motion == Motion.FORWARD)
+    back = placed & (motion == Motion.REVERSE)
     spent = [
         forward & (state == ToolState.DOWN),
         forward & (state == ToolState.UP) | back,
@@ -526,7 +544,8 @@ def worked_ground(
     (worked,) = areas.measure([coverage], [doubtful])
     shared_all = shapely.GeometryCollection([place for _, place in pairs])
     overlap, missing = areas.measure([shared_all, _all(strips)])
-    length_m, moving_s = sum(p.length_m for p in passes), sum(run.sweep.moving_s for run in runs)
+    length_m = sum(p.length_m for p in passes)
+    moving_s = sum(run.sweep.moving_s for run in runs)
     figures = WorkFigures(
         worked=worked,
         swept_m2=sum(p.swept_m2 for p in passes),
@@ -626,7 +645,8 @@ class _Areas:
         self, boundary: BaseGeometry, coverage: BaseGeometry, left: BaseGeometry, doubtful: BaseGeometry
     ) -> FieldFigures:
         """How much of the ground inside `boundary` was worked; `left` is what was not."""
-        (area,), (unworked_area,) = self.measure([boundary]), self.measure([left], [doubtful])
+        (area,) = self.measure([boundary])
+        (unworked_area,) = self.measure([left], [doubtful])
         share = coverage.intersection(boundary).area / boundary.area
         return FieldFigures(replace(area, sigma_m2=0.0), share, unworked_area)
 

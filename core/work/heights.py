@@ -60,14 +60,16 @@ class ToolHeightTracker:
     """
 
     def __init__(self, mounting: Mounting, implement: SeenImplement, working_depth_m: float | None) -> None:
-        region, grid = implement.region, implement.template.grid
+        region = implement.region
+        grid = implement.template.grid
         self._implement = implement
         self._threshold_m = implement.threshold_m(working_depth_m)
         self._rotation = np.ascontiguousarray(mounting.rotation)
         self._lever_m = np.asarray(mounting.xyz_m, np.float64)
         columns = region.columns | np.roll(region.columns, 1) | np.roll(region.columns, -1)
         self._eighths = np.any(columns.reshape(8, -1), axis=1)[list(_EIGHTHS)]
-        self._ground, self._box = np.array(region.ground), np.array(region.box_m)
+        self._ground = np.array(region.ground)
+        self._box = np.array(region.box_m)
         self._grid = np.array([grid.x_m, grid.z_m])
         self._views = np.zeros((2, grid.columns, grid.rows), np.float32)
         self._soil = np.zeros((2, round(2.0 * _SOIL_M / _SOIL_BIN_M)), np.int64)
@@ -81,7 +83,8 @@ class ToolHeightTracker:
         scan = with_fewer_lasers(scan)
         if not len(scan):
             return
-        begin_s, end_s = float(scan.t_s[0]), float(scan.t_s[-1])
+        begin_s = float(scan.t_s[0])
+        end_s = float(scan.t_s[-1])
         goes_on = abs(begin_s - self._last_s) < 0.25 * self._implement.region.turn_s
         if not goes_on:
             self._end_turn(whole=False)
@@ -165,7 +168,9 @@ def _gather(  # type: ignore[no-untyped-def]
     bins = soil.shape[1]
     turned = (split - begin) % width
     for i in range(len(xyz_m)):
-        px, py, pz = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        px = xyz_m[i, 0]
+        py = xyz_m[i, 1]
+        pz = xyz_m[i, 2]
         if not eighths[4 * (py > 0.0) + 2 * (px < 0.0) + (abs(py) > abs(px))]:
             continue
         column = column_of(px, py)
@@ -198,7 +203,8 @@ def _gather(  # type: ignore[no-untyped-def]
         v = (above - grid[1]) / CELL_Z_M - 0.5
         if u < 0.0 or v < 0.0:
             continue
-        view_column, row = int(u), int(v)
+        view_column = int(u)
+        row = int(v)
         if view_column < view_columns and row < view_rows - 1:
             times[part, 1, 0] += 1.0
             times[part, 1, 1] += t_s[i]

@@ -68,13 +68,15 @@ class Found:
 
 def describe_implement(found: Found, lift_m: float) -> SeenImplement:
     """The implement; `lift_m` applies where its working position is out of view, if larger than the observed lift."""
-    outcome, levels = found.outcome, found.levels
+    outcome = found.outcome
+    levels = found.levels
     shows, own = _shows(found)
     at = np.flatnonzero(shows.any(axis=0))
     # The shortest arc that contains these columns.
     gaps = np.diff(np.append(at, at[0] + IMAGE_COLUMNS))
     widest = int(np.argmax(gaps))
-    first, count = int(at[(widest + 1) % len(at)]), IMAGE_COLUMNS - int(gaps[widest]) + 1
+    first = int(at[(widest + 1) % len(at)])
+    count = IMAGE_COLUMNS - int(gaps[widest]) + 1
     shown = (first - 2 * _MARGIN + np.arange(min(count + 4 * _MARGIN, IMAGE_COLUMNS))) % IMAGE_COLUMNS
     down, up = (
         median_image(np.stack([outcome.views.images[k][:, shown] for k in _showing(found, state)]))
@@ -96,13 +98,15 @@ def describe_implement(found: Found, lift_m: float) -> SeenImplement:
 
 def _shows(found: Found) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """(lasers, COLUMNS): pixels that show the implement sometimes, and often."""
-    outcome, levels = found.outcome, found.levels
+    outcome = found.outcome
+    levels = found.levels
     up = outcome.heights.height_m > 0.5 * (levels.low_m + levels.high_m)
     now_and_then, often = np.zeros((2, *outcome.image.shape), bool)
     for side in (outcome.heights.sure & up, outcome.heights.sure & ~up):
         count = np.zeros(outcome.image.shape, np.int32)
         for number in np.flatnonzero(side).tolist():
-            likely, view = outcome.likely(number), outcome.views.views[number]
+            likely = outcome.likely(number)
+            view = outcome.views.views[number]
             count[view.laser[likely], view.column[likely]] += 1
         scans = int(np.count_nonzero(side))
         now_and_then |= count >= max(MIN_LEVEL_SCANS, scans // 50)
@@ -139,7 +143,8 @@ def _region(outcome: Outcome, first: int, count: int) -> Region:
 
 def _showing(found: Found, state: ToolState) -> list[int]:
     """Indices of a few scans with the implement in a state."""
-    heights, levels = found.outcome.heights, found.levels
+    heights = found.outcome.heights
+    levels = found.levels
     if state == levels.hidden:
         away = np.flatnonzero(~heights.sure)
         return [int(k) for k in away[np.linspace(0, len(away) - 1, min(len(away), _IMAGES)).astype(np.intp)]]
@@ -222,8 +227,11 @@ def _by_travel(found: Found) -> Found | None:
     A scanner may see different parts of a lifted and of a lowered tool, so that the two side views match at a wrong
     height; a moving tool shows both sets of parts.
     """
-    outcome, levels = found.outcome, found.levels
-    views, height, sure = outcome.views, outcome.heights.height_m, outcome.heights.sure
+    outcome = found.outcome
+    levels = found.levels
+    views = outcome.views
+    height = outcome.heights.height_m
+    sure = outcome.heights.sure
     at_low, at_high = (sure & (np.abs(height - level) < _AT_M) for level in (levels.low_m, levels.high_m))
     between = np.flatnonzero(sure & ~at_low & ~at_high)
     if levels.hidden != ToolState.UNKNOWN or len(between) < MIN_LEVEL_SCANS:
@@ -253,14 +261,16 @@ def _worth(
     moved = np.zeros_like(upper)
     moved[:, max(0, -rows) : upper.shape[1] - max(0, rows)] = upper[:, max(0, rows) : upper.shape[1] - max(0, -rows)]
     template = SideTemplate.from_views(views.grid, lower + moved)
-    low_m, high_m = levels.low_m - _BEYOND_M, levels.high_m + rows * CELL_Z_M + _BEYOND_M
+    low_m = levels.low_m - _BEYOND_M
+    high_m = levels.high_m + rows * CELL_Z_M + _BEYOND_M
     gains = [fit_height(side, template, low_m, high_m)[0].gain / max(float(side.sum()), 1.0) for side in sides]
     return float(np.mean(gains))
 
 
 def _coarse(side: NDArray[np.float32]) -> FloatArray:
     """A side view in cells of 0.3 m × 0.1 m, as square roots, so that dense cells do not dominate."""
-    columns, rows = side.shape[0] // 3 * 3, side.shape[1] // 5 * 5
+    columns = side.shape[0] // 3 * 3
+    rows = side.shape[1] // 5 * 5
     cells = side[:columns, :rows].reshape(columns // 3, 3, rows // 5, 5).sum(axis=(1, 3))
     roots: FloatArray = np.sqrt(cells.ravel(), dtype=np.float64)
     return roots
@@ -268,7 +278,8 @@ def _coarse(side: NDArray[np.float32]) -> FloatArray:
 
 def _from_reference(views: Views, reference: int) -> Outcome | None:
     """What moves relative to one scan; None if nothing does, or if the tool moves in that scan."""
-    image, view = views.images[reference], views.views[reference]
+    image = views.images[reference]
+    view = views.views[reference]
     beside = views.images[reference + 1 if reference % 2 == 0 else reference - 1]
     if not len(view) or view.differs(beside, _CALM_M).mean() > 0.5:
         return None
@@ -286,7 +297,8 @@ def _from_reference(views: Views, reference: int) -> Outcome | None:
         outcome = _refine(views, image, height, known)
         if outcome is None:
             return None
-        known, height = outcome.heights.sure, outcome.heights.height_m
+        known = outcome.heights.sure
+        height = outcome.heights.height_m
     return outcome
 
 
@@ -317,7 +329,8 @@ def _mean_side(views: Views, chosen: NDArray[np.bool_], height: FloatArray, stil
 
 def _box_of(found: Found) -> Box | None:
     """A box around the implement, from likely points in most of the best scans; None if these are scattered."""
-    outcome, views = found.outcome, found.outcome.views
+    outcome = found.outcome
+    views = found.outcome.views
     sure = np.flatnonzero(outcome.heights.sure)
     best = sure[np.argsort(-outcome.heights.explained[sure])][: max(MIN_LEVEL_SCANS, len(sure) // 3)]
     bounds = ((views.box_m[0], views.box_m[1]), (views.box_m[2], views.box_m[3]))

@@ -34,7 +34,8 @@ def find_positions(views: Views, heights: Heights) -> Levels | None:
 
 def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
     """The two positions of a tool that is seen in both, or on most of its travel."""
-    sure, height = heights.sure, heights.height_m
+    sure = heights.sure
+    height = heights.height_m
     if np.count_nonzero(sure) < 2 * MIN_LEVEL_SCANS:
         return None
     upper = sure & (height > _split(height[sure]))
@@ -42,10 +43,12 @@ def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
     below, above, away = (int(np.count_nonzero(side)) for side in (lower, upper, ~sure))
     if min(below, above) < MIN_LEVEL_SCANS or _dwell_s(views, upper, lower) < SHORTEST_S:
         return None
-    low, high = float(np.median(height[lower])), float(np.median(height[upper]))
+    low = float(np.median(height[lower]))
+    high = float(np.median(height[upper]))
     if high - low < MOVED_M:
         return None
-    sigma_low, sigma_high = _sigma(views, height, lower), _sigma(views, height, upper)
+    sigma_low = _sigma(views, height, lower)
+    sigma_high = _sigma(views, height, upper)
     limit = min(_NOISE_M, (high - low) / 8.0)
     if sigma_low < limit and sigma_high < limit and away < _MAX_AWAY_SHARE * len(sure):
         return Levels(low, high, ToolState.UNKNOWN, min(sigma_low, sigma_high), max(sigma_low, sigma_high))
@@ -59,7 +62,8 @@ def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
 
 def _seen_to_leave(views: Views, heights: Heights) -> Levels | None:
     """The position of a tool with one constant height and long absences, which is seen to leave downward or upward."""
-    sure, height = heights.sure, heights.height_m
+    sure = heights.sure
+    height = heights.height_m
     if np.count_nonzero(sure) < 2 * MIN_LEVEL_SCANS:
         return None
     level = float(np.median(height[sure]))
@@ -73,8 +77,10 @@ def _seen_to_leave(views: Views, heights: Heights) -> Levels | None:
         return None
     if sigma > 0.5 * _LEFT_M or _dwell_s(views, there, away) < SHORTEST_S:
         return None
-    below, above = sure & (height < level - _LEFT_M), sure & (height > level + _LEFT_M)
-    lower, higher = int(np.count_nonzero(below)), int(np.count_nonzero(above))
+    below = sure & (height < level - _LEFT_M)
+    above = sure & (height > level + _LEFT_M)
+    lower = int(np.count_nonzero(below))
+    higher = int(np.count_nonzero(above))
     if lower >= _MIN_LEAVING_SCANS and lower > 2 * higher:
         return Levels(float(height[below].min()), level, ToolState.DOWN, sigma, sigma)
     if higher >= _MIN_LEAVING_SCANS and higher > 2 * lower:
@@ -86,8 +92,10 @@ def _split(height: FloatArray) -> float:
     """Threshold between two groups with the least variance within (Otsu 1979)."""
     ordered = np.sort(height)
     n = np.arange(1, len(ordered))
-    total, square = np.cumsum(ordered)[:-1], np.cumsum(ordered**2)[:-1]
-    whole, whole_square = float(ordered.sum()), float((ordered**2).sum())
+    total = np.cumsum(ordered)[:-1]
+    square = np.cumsum(ordered**2)[:-1]
+    whole = float(ordered.sum())
+    whole_square = float((ordered**2).sum())
     within = square - total**2 / n + (whole_square - square) - (whole - total) ** 2 / (len(ordered) - n)
     k = int(np.argmin(within))
     return float(0.5 * (ordered[k] + ordered[k + 1]))

@@ -56,13 +56,18 @@ def _alone(xyz_m, laser, column, image):  # type: ignore[no-untyped-def]
     distance = np.empty(n, np.float32)
     out = np.empty(n, np.bool_)
     for i in range(n):
-        x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        x = xyz_m[i, 0]
+        y = xyz_m[i, 1]
+        z = xyz_m[i, 2]
         distance[i] = np.sqrt(x * x + y * y + z * z)
         image[laser[i], column[i]] = distance[i]
     for i in range(n):
-        row, middle, own = int(laser[i]), int(column[i]), distance[i]
+        row = int(laser[i])
+        middle = int(column[i])
+        own = distance[i]
         near = np.float32(NEIGHBOUR_RANGE_M) + np.float32(NEIGHBOUR_RANGE_SHARE) * own
-        first, last = max(middle - NEIGHBOUR_FIRINGS, 0), min(middle + NEIGHBOUR_FIRINGS, columns - 1)
+        first = max(middle - NEIGHBOUR_FIRINGS, 0)
+        last = min(middle + NEIGHBOUR_FIRINGS, columns - 1)
         alone = True
         for k in range(first, last + 1):
             if k != middle and abs(image[row, k] - own) < near:
@@ -201,7 +206,9 @@ class _Counts:
 
 def _tool(scans: Sequence[NearScan], implement: SeenImplement, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """The voxels of the implement between its positions."""
-    region, template, levels = implement.region, implement.template, implement.levels
+    region = implement.region
+    template = implement.template
+    levels = implement.levels
     views = views_of(scans, region.ground, region.box_m)
     heights = views.heights(template, region.still_m)
     counts = _Counts((0.0, 0.0, 0.0), shape)
@@ -239,11 +246,13 @@ def _with_foot(voxels: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _count(xyz_m, ground, lowered_m, number, last, count):  # type: ignore[no-untyped-def]
     """Count each voxel with points clear of the ground once per scan."""
     for i in range(len(xyz_m)):
-        x, y = xyz_m[i, 0], xyz_m[i, 1]
+        x = xyz_m[i, 0]
+        y = xyz_m[i, 1]
         above = xyz_m[i, 2] - ground[0] - ground[1] * x - ground[2] * y
         if above < CUT_M + CUT_PER_M * np.sqrt(x * x + y * y):
             continue
-        a, b = int(np.floor((x - _LOW_M[0]) / VOXEL_M)), int(np.floor((y - _LOW_M[1]) / VOXEL_M))
+        a = int(np.floor((x - _LOW_M[0]) / VOXEL_M))
+        b = int(np.floor((y - _LOW_M[1]) / VOXEL_M))
         c = int(np.floor((above - lowered_m - _LOW_M[2]) / VOXEL_M))
         if 0 <= a < count.shape[0] and 0 <= b < count.shape[1] and 0 <= c < count.shape[2] and last[a, b, c] != number:
             last[a, b, c] = number
@@ -253,12 +262,23 @@ def _count(xyz_m, ground, lowered_m, number, last, count):  # type: ignore[no-un
 @kernel()
 def _look_up(xyz_m, to_voxels, voxels, classes):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`MachineVoxels.classify`, of points in the lidar frame."""
-    a0, a1, a2, a3 = to_voxels[0, 0], to_voxels[0, 1], to_voxels[0, 2], to_voxels[0, 3]
-    b0, b1, b2, b3 = to_voxels[1, 0], to_voxels[1, 1], to_voxels[1, 2], to_voxels[1, 3]
-    c0, c1, c2, c3 = to_voxels[2, 0], to_voxels[2, 1], to_voxels[2, 2], to_voxels[2, 3]
+    a0 = to_voxels[0, 0]
+    a1 = to_voxels[0, 1]
+    a2 = to_voxels[0, 2]
+    a3 = to_voxels[0, 3]
+    b0 = to_voxels[1, 0]
+    b1 = to_voxels[1, 1]
+    b2 = to_voxels[1, 2]
+    b3 = to_voxels[1, 3]
+    c0 = to_voxels[2, 0]
+    c1 = to_voxels[2, 1]
+    c2 = to_voxels[2, 2]
+    c3 = to_voxels[2, 3]
     long, wide, high = voxels.shape
     for i in range(len(xyz_m)):
-        x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        x = xyz_m[i, 0]
+        y = xyz_m[i, 1]
+        z = xyz_m[i, 2]
         a = a0 * x + a1 * y + a2 * z + a3
         if not 0.0 <= a < long:
             continue

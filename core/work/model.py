@@ -75,7 +75,8 @@ def fit_height(
     view: NDArray[np.float32], template: SideTemplate, low_m: float, high_m: float
 ) -> tuple[Fit, FloatArray]:
     """The best fit of `view` between `low_m` and `high_m`, and the gain at each height in steps of :data:`CELL_Z_M`."""
-    low, high = round(low_m / CELL_Z_M), round(high_m / CELL_Z_M)
+    low = round(low_m / CELL_Z_M)
+    high = round(high_m / CELL_Z_M)
     scores, explained = _scores(view, template.gain, template.odds, low, high)
     best = int(np.argmax(scores))
     if scores[best] <= 0.0:
@@ -101,7 +102,8 @@ def _count(x_m, z_m, x0, z0, view):  # type: ignore[no-untyped-def]
         v = (z_m[i] - z0) / CELL_Z_M - 0.5
         if u < 0.0 or v < 0.0:
             continue
-        column, row = int(u), int(v)
+        column = int(u)
+        row = int(v)
         if column < columns and row < rows - 1:
             share = v - row
             view[column, row] += 1.0 - share
@@ -119,7 +121,8 @@ def _scores(view, gain, odds, low, high):  # type: ignore[no-untyped-def]
             n = view[column, row]
             if n == 0.0:
                 continue
-            first, last = max(low, row - rows + 1), min(high, row)
+            first = max(low, row - rows + 1)
+            last = min(high, row)
             for lift in range(first, last + 1):
                 scores[lift - low] += n * gain[column, row - lift]
                 o = odds[column, row - lift]
@@ -147,7 +150,8 @@ class Hint:
         """Where it is looked for: as stated, else around its line."""
         if self.box_m is not None:
             return self.box_m
-        (x, y), half = self.xy_m, 0.5 * self.width_m + 0.5
+        x, y = self.xy_m
+        half = 0.5 * self.width_m + 0.5
         return (x - 2.0, x + 1.2, y - half, y + half)
 
 

@@ -20,7 +20,8 @@ def column_of(x, y):  # type: ignore[no-untyped-def]
 
     The arc tangent is that of Abramowitz and Stegun (1964), 4.4.49, good to 1e-5 rad.
     """
-    a, b = abs(x), abs(y)
+    a = abs(x)
+    b = abs(y)
     if a + b == 0.0:
         return 0
     t = min(a, b) / max(a, b)
@@ -135,8 +136,12 @@ class NearScans:
         )
         if len(xyz) > MAX_NEAR_POINTS:
             kept = np.linspace(0, len(xyz) - 1, MAX_NEAR_POINTS).astype(np.intp)
-            xyz, distance, laser, column = xyz[kept], distance[kept], laser[kept], column[kept]
-        span_s, first = (float(scan.t_s[0]), float(scan.t_s[-1])), int(column_of(scan.xyz_m[0, 0], scan.xyz_m[0, 1]))
+            xyz = xyz[kept]
+            distance = distance[kept]
+            laser = laser[kept]
+            column = column[kept]
+        span_s = (float(scan.t_s[0]), float(scan.t_s[-1]))
+        first = int(column_of(scan.xyz_m[0, 0], scan.xyz_m[0, 1]))
         return NearScan(self._count, *span_s, rising >= 0, first, xyz, distance, laser, column)
 
 
@@ -148,9 +153,13 @@ def _near_points(xyz_m, laser, rotation, lever_m, near_m):  # type: ignore[no-un
     distance = np.empty(n, np.float32)
     lasers = np.empty(n, np.uint8)
     columns = np.empty(n, np.int32)
-    count, rising, last = 0, 0, -1
+    count = 0
+    rising = 0
+    last = -1
     for i in range(n):
-        x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        x = xyz_m[i, 0]
+        y = xyz_m[i, 1]
+        z = xyz_m[i, 2]
         column = column_of(x, y)
         if last >= 0 and abs(column - last) < IMAGE_COLUMNS // 2:
             rising += column - last

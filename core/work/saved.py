@@ -17,7 +17,10 @@ FILE_FORM: Final = 2
 
 def save_implement(path: Path, implement: SeenImplement) -> None:
     """Write an implement as a NumPy archive; OSError if it cannot be written there."""
-    region, template, levels, images = implement.region, implement.template, implement.levels, implement.images
+    region = implement.region
+    template = implement.template
+    levels = implement.levels
+    images = implement.images
     grid = template.grid
     arrays: dict[str, Any] = {
         "form": np.int64(FILE_FORM),
@@ -64,7 +67,8 @@ def _implement(arrays: dict[str, Any]) -> SeenImplement:
         raise ValueError("its images do not fit each other")
     a, b, c = arrays["ground"].tolist()
     x0, x1, y0, y1 = arrays["box_m"].tolist()
-    seen, still_m = arrays["columns"].astype(bool), arrays["still_m"].astype(np.float32)
+    seen = arrays["columns"].astype(bool)
+    still_m = arrays["still_m"].astype(np.float32)
     return SeenImplement(
         region=Region((a, b, c), (x0, x1, y0, y1), seen, still_m, int(begin), int(split), bool(clockwise), turn_s),
         template=SideTemplate(grid, arrays["odds"].astype(np.float32)),

@@ -46,7 +46,8 @@ def ribbons(sweep: Sweep) -> list[Ribbon]:
         polygon: BaseGeometry = shapely.Polygon(np.concatenate([sides[0], sides[1][::-1]])[:, :2])
         if not polygon.is_valid:
             # One end of the line goes backwards: the union of the ground under each of its steps.
-            a, b = left[piece, :2], right[piece, :2]
+            a = left[piece, :2]
+            b = right[piece, :2]
             steps = shapely.polygons(np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1))
             polygon = shapely.union_all(shapely.make_valid(steps))
         found.append(Ribbon(polygon, *sides))
@@ -57,7 +58,8 @@ def _pieces(sweep: Sweep) -> list[slice]:
     """Where a sweep is cut, so that no piece is longer than :data:`MAX_RIBBON_M` or turns by more than 45°."""
     yaw = np.unwrap(np.arctan2(-sweep.half_m[:, 0], sweep.half_m[:, 1]))
     last = len(yaw) - 1
-    pieces, begin = [], 0
+    pieces = []
+    begin = 0
     while begin < last:
         rest_m = float(sweep.distance_m[-1] - sweep.distance_m[begin])
         length_m = rest_m / math.ceil(rest_m / MAX_RIBBON_M)  # equal pieces, none of them a stub

@@ -77,7 +77,8 @@ def tool_history(heights: ToolHeights, implement: SeenImplement, working_depth_m
     states = _states(heights, height, confidence, threshold, implement)
     notices: tuple[Notice, ...] = ()
     if len(states) > 3 and float((states.end_s - states.begin_s).mean()) < SHORTEST_S:
-        states, notices = _tool_states([]), (_UNCLEAR,)
+        states = _tool_states([])
+        notices = (_UNCLEAR,)
     t = 0.5 * (heights.scan_begin_s + heights.scan_end_s)
     state, sure = states.at(t)
     reach_s = 4.0 * implement.region.turn_s
@@ -97,7 +98,8 @@ def tool_history(heights: ToolHeights, implement: SeenImplement, working_depth_m
 
 def _working_level(down: FloatArray) -> float:
     """Working position from heights (n,) of the lowered tool: their median without those of the moving tool."""
-    level, reach = 0.0, np.inf
+    level = 0.0
+    reach = np.inf
     for _ in range(_LEVEL_ROUNDS):
         near = down[np.abs(down - level) <= reach]
         if not len(near):
@@ -227,7 +229,8 @@ def _passage(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float
     above = height[seen] >= threshold
     # the last crossing in the direction of the change
     k = int(np.flatnonzero(above[1:] != above[:-1])[-1])
-    i, j = seen[k], seen[k + 1]
+    i = seen[k]
+    j = seen[k + 1]
     slope = (height[j] - height[i]) / (t[j] - t[i])
     at = _crossing(t[i - 1 : j + 2], height[i - 1 : j + 2], threshold) if j == i + 1 else None
     if at is None:
@@ -278,7 +281,8 @@ def _interpolate(t_s: FloatArray, known_s: FloatArray, values: FloatArray, reach
     known = np.isfinite(values)
     if not known.any():
         return np.full(len(t_s), np.nan)
-    at, value = known_s[known], values[known]
+    at = known_s[known]
+    value = values[known]
     after = np.clip(np.searchsorted(at, t_s), 0, len(at) - 1)
     before = np.maximum(np.searchsorted(at, t_s, side="right") - 1, 0)
     near = np.abs(at[after] - t_s) + np.abs(t_s - at[before]) < reach_s

@@ -102,7 +102,8 @@ def strip_differences(
     first, second = same_cell_pairs(after.cell[chosen])
     if not len(first):
         return None
-    a, b = chosen[first], chosen[second]
+    a = chosen[first]
+    b = chosen[second]
     sigma = np.sqrt(variance[first] / after.count[a] + variance[second] / after.count[b])
     earlier = _look_up(before, after, a), _look_up(before, after, b)
     found = StripDifferences(

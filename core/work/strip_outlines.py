@@ -78,7 +78,8 @@ def count_blocks(cell, t_s, ends_s, columns, blocks, block):  # type: ignore[no-
             k += 1
         while k and t <= ends_s[k - 1, 1]:
             k -= 1
-        row, column = cell[i] // columns, cell[i] % columns
+        row = cell[i] // columns
+        column = cell[i] % columns
         number = k + 1 if k < len(ends_s) and t >= ends_s[k, 0] else 0
         counts[number, row // block * across + column // block] += 1
     return counts

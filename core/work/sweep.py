@@ -62,10 +62,12 @@ def pass_times(states: ToolStates) -> list[PassTimes]:
     """The times of all passes: intervals of `down`, those that touch each other as one."""
     passes: list[PassTimes] = []
     for k in np.flatnonzero(states.state == ToolState.DOWN).tolist():
-        begin, sigma = float(states.begin_s[k]), float(states.begin_sigma_s[k])
+        begin = float(states.begin_s[k])
+        sigma = float(states.begin_sigma_s[k])
         if passes and passes[-1].end_s == begin:
             last = passes.pop()
-            begin, sigma = last.begin_s, last.begin_sigma_s
+            begin = last.begin_s
+            sigma = last.begin_sigma_s
         passes.append(PassTimes(begin, float(states.end_s[k]), sigma, float(states.end_sigma_s[k])))
     return passes
 
@@ -130,7 +132,8 @@ class _Path:
         self._knots = table[:, 0]
         self._place = smooth_path(table[:, 0], table[:, 1:3])
         self._yaw = smooth_path(table[:, 0], table[:, 4:5])
-        self._height, self._side = table[:, 3], table[:, 5]
+        self._height = table[:, 3]
+        self._side = table[:, 5]
         self._motion = trajectory.motion[knots][np.searchsorted(t, t[0] + table[:, 0], side="right") - 1]
         self._half_width_m = 0.5 * implement.width_m
 
@@ -143,7 +146,8 @@ class _Path:
         back = np.concatenate([[True], motion == Motion.REVERSE, [True]])
         edges = np.flatnonzero(np.diff(back.astype(np.int8)))
         for i, j in zip(edges[::2], edges[1::2], strict=True):
-            run, moving = t[i : j + 1], motion[i:j] == Motion.FORWARD
+            run = t[i : j + 1]
+            moving = motion[i:j] == Motion.FORWARD
             yaw = self._yaw(run)[:, 0]
             step = np.diff(self._place(run), axis=0)
             across = 0.5 * (yaw[1:] + yaw[:-1])

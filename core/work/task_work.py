@@ -157,7 +157,8 @@ def _logged_swept(
     worked = (task.state[course.used][:-1] == ToolState.DOWN) & (np.diff(t.t_s) <= t.max_gap_s)
     worked &= t.motion[:-1] == Motion.FORWARD
     width: NDArray[np.float64] = task.width_m[course.used][:-1]
-    distance_m, known = step_m[worked], width[worked]
+    distance_m = step_m[worked]
+    known = width[worked]
     if not np.isfinite(known).any():
         return float("nan"), []
     known = np.where(np.isfinite(known), known, implement.width_m)

@@ -123,7 +123,8 @@ class Views:
         """(lasers, COLUMNS) `image` where most scans of each of `sides`, (scans,) bool, equal it; nan elsewhere."""
         still = np.ones(image.shape, bool)
         for side in sides:
-            there, agree = np.zeros(image.shape, np.int32), np.zeros(image.shape, np.int32)
+            there = np.zeros(image.shape, np.int32)
+            agree = np.zeros(image.shape, np.int32)
             for number in np.flatnonzero(side).tolist():
                 view = self.views[number]
                 _compare(image, view.laser, view.column, view.range_m, there, agree)
@@ -134,7 +135,8 @@ class Views:
         self, number: int, height_m: float, template: SideTemplate, still_m: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """Which points of a scan are more likely implement, at this height, than clutter."""
-        view, grid = self.views[number], self.grid
+        view = self.views[number]
+        grid = self.grid
         column = ((view.xyz_m[:, 0] - grid.x_m) / CELL_X_M).astype(np.intp)
         row = ((view.xyz_m[:, 2] - height_m - grid.z_m) / CELL_Z_M).astype(np.intp)
         likely = view.differs(still_m)
@@ -147,7 +149,8 @@ def views_of(scans: Sequence[NearScan], ground: Plane, box: Box) -> Views:
     """The candidate points of `scans` in `box`."""
     lasers = 1 + max((int(scan.laser.max(initial=0)) for scan in scans), default=0)
     grid = SideViewGrid(box[0], CUT_M, round((box[1] - box[0]) / CELL_X_M), round((TOP_M - CUT_M) / CELL_Z_M))
-    bounds, plane = np.array(box), np.array(ground)
+    bounds = np.array(box)
+    plane = np.array(ground)
     views = [View(*_select(s.xyz_m, s.range_m, s.laser, s.column, plane, bounds)) for s in scans]
     return Views(scans, [scan.image(lasers) for scan in scans], views, ground, box, grid)
 
@@ -176,7 +179,8 @@ def _select(xyz_m, range_m, laser, column, ground, box):  # type: ignore[no-unty
     above = np.empty(n, np.float32)
     count = 0
     for i in range(n):
-        x, y = xyz_m[i, 0], xyz_m[i, 1]
+        x = xyz_m[i, 0]
+        y = xyz_m[i, 1]
         z = xyz_m[i, 2] - ground[0] - ground[1] * x - ground[2] * y
         if box[0] < x < box[1] and box[2] < y < box[3] and CUT_M + CUT_PER_M * np.sqrt(x * x + y * y) < z < TOP_M:
             kept[count] = i

@@ -28,7 +28,8 @@ def wheel_passages(
     places each; the track width is between the middles of the tyres. Returns (rows, columns) the number of passages of
     both wheels.
     """
-    counts, last = np.zeros(grid.shape, np.uint16), np.full(grid.shape, -np.inf)
+    counts = np.zeros(grid.shape, np.uint16)
+    last = np.full(grid.shape, -np.inf)
     west, _, _, north = grid.bounds_m
     sides = 0.5 * np.array([[track_width_m + tyre_width_m, track_width_m - tyre_width_m]])
     offsets = np.concatenate([sides, -sides[:, ::-1]])  # left and right edge of the left wheel, then of the right one
@@ -36,7 +37,8 @@ def wheel_passages(
         for piece in _smooth_pieces(path - (west, north, 0.0)):
             steps = np.diff(piece[:, :2], axis=0)
             along = steps / np.hypot(*steps.T)[:, np.newaxis]
-            before, after = np.concatenate([along[:1], along]), np.concatenate([along, along[-1:]])
+            before = np.concatenate([along[:1], along])
+            after = np.concatenate([along, along[-1:]])
             middle = before + after
             length = np.hypot(*middle.T)
             # The bisector, longer by 1 / cos of half the turn; length = 2 cos of half the turn.
@@ -83,7 +85,8 @@ def _roll(counts, last, edges, distance, cell, again):  # type: ignore[no-untype
             bx, by = edges[wheel, 0, i + 1]
             cx, cy = edges[wheel, 1, i + 1]
             dx, dy = edges[wheel, 1, i]
-            ux, uy = 0.5 * (bx + cx - ax - dx), 0.5 * (by + cy - ay - dy)
+            ux = 0.5 * (bx + cx - ax - dx)
+            uy = 0.5 * (by + cy - ay - dy)
             first_column = max(0, int(np.floor(min(ax, bx, cx, dx) / cell)))
             last_column = min(columns - 1, int(np.floor(max(ax, bx, cx, dx) / cell)))
             first_row = max(0, int(np.floor(-max(ay, by, cy, dy) / cell)))

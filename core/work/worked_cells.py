@@ -109,8 +109,10 @@ def _sweep(state, way, corners, now_m, count):  # type: ignore[no-untyped-def]
     """Work the cells whose centre lies in a convex quadrangle (4, 2), in cells of the tile."""
     changed = False
     rows, columns = state.shape
-    south, north = max(0, int(np.floor(corners[:, 1].min()))), min(rows - 1, int(np.floor(corners[:, 1].max())))
-    west, east = max(0, int(np.floor(corners[:, 0].min()))), min(columns - 1, int(np.floor(corners[:, 0].max())))
+    south = max(0, int(np.floor(corners[:, 1].min())))
+    north = min(rows - 1, int(np.floor(corners[:, 1].max())))
+    west = max(0, int(np.floor(corners[:, 0].min())))
+    east = min(columns - 1, int(np.floor(corners[:, 0].max())))
     for r in range(south, north + 1):
         for c in range(west, east + 1):
             left = right = 0

@@ -63,7 +63,8 @@ def carry(out, at):  # type: ignore[no-untyped-def]
 @inlined()
 def bit_length(value):  # type: ignore[no-untyped-def]
     """Bit length of a number of 0 or more; LLVM makes one instruction of the loop."""
-    left, bits = np.uint64(value), 0
+    left = np.uint64(value)
+    bits = 0
     while left:
         left >>= np.uint64(1)
         bits += 1
@@ -117,7 +118,8 @@ def refresh(table, model, symbols):  # type: ignore[no-untyped-def]
     new = table[model + 1] == 0
     if new:
         table[counts : counts + symbols] = 1
-        table[model + 1], table[model + 2] = symbols, 0
+        table[model + 1] = symbols
+        table[model + 2] = 0
     total = np.int64(table[model + 2]) + table[model + 1]
     if total > 1 << LENGTH_BITS:
         total = 0
@@ -130,7 +132,9 @@ def refresh(table, model, symbols):  # type: ignore[no-untyped-def]
         table[model + HEAD + k] = (scale * seen) >> (31 - LENGTH_BITS)
         seen += table[counts + k]
     cycle = (symbols + 6) >> 1 if new else min((5 * table[model + 1]) >> 2, (symbols + 6) << 3)
-    table[model], table[model + 1], table[model + 2] = cycle, cycle, total
+    table[model] = cycle
+    table[model + 1] = cycle
+    table[model + 2] = total
 
 
 @inlined()
@@ -149,14 +153,21 @@ def encode_bit(out, coder, table, model, bit):  # type: ignore[no-untyped-def]
 def refresh_bit(table, model):  # type: ignore[no-untyped-def]
     """Make a bit model's probability follow its counts; in an unused one, both are equally probable."""
     if table[model + 1] == 0:
-        cycle, bits, zeros = 4, np.int64(2), np.int64(1)
+        cycle = 4
+        bits = np.int64(2)
+        zeros = np.int64(1)
     else:
         cycle = min((5 * table[model + 1]) >> 2, MAX_BITS_BETWEEN)
-        bits, zeros = np.int64(table[model + 2]) + table[model + 1], np.int64(table[model + 3])
+        bits = np.int64(table[model + 2]) + table[model + 1]
+        zeros = np.int64(table[model + 3])
         if bits > 1 << BIT_LENGTH_BITS:
-            bits, zeros = (bits + 1) >> 1, (zeros + 1) >> 1
+            bits = (bits + 1) >> 1
+            zeros = (zeros + 1) >> 1
             bits += zeros == bits
-    table[model], table[model + 1], table[model + 2], table[model + 3] = cycle, cycle, bits, zeros
+    table[model] = cycle
+    table[model + 1] = cycle
+    table[model + 2] = bits
+    table[model + 3] = zeros
     table[model + 4] = (zeros * ((1 << 31) // bits)) >> (31 - BIT_LENGTH_BITS)
 
 
@@ -179,9 +190,13 @@ def finish(out, coder):  # type: ignore[no-untyped-def]
     """The end of the output after the final bytes."""
     base, length, at = coder
     if length > 2 * MIN_LENGTH:
-        base, length, zeros = base + MIN_LENGTH, MIN_LENGTH >> 1, 3
+        base = base + MIN_LENGTH
+        length = MIN_LENGTH >> 1
+        zeros = 3
     else:
-        base, length, zeros = base + (MIN_LENGTH >> 1), MIN_LENGTH >> 9, 2
+        base = base + (MIN_LENGTH >> 1)
+        length = MIN_LENGTH >> 9
+        zeros = 2
     _, _, at = settled(out, base, length, at)
     for _ in range(zeros):
         out[at] = 0

@@ -56,7 +56,8 @@ class Cube:
 
     def doubled(self, low: NDArray[np.int64]) -> "tuple[Cube, int]":
         """A cube of twice the side, extended towards `low` or upward; and which of its eight this one is."""
-        octant, origin = 0, list(self.origin)
+        octant = 0
+        origin = list(self.origin)
         for axis in range(3):
             if low[axis] < origin[axis]:
                 origin[axis] -= self.side
@@ -78,7 +79,9 @@ def places(depth: int, code: int) -> tuple[int, int, int]:
 
 def codes_of(chosen: Chosen, cube: Cube, depth: int) -> tuple[NDArray[np.uint32], NDArray[np.int32]]:
     """The cell of each chosen record (n,), and the number of them in each cell (8^depth,)."""
-    codes, counts, origin = np.empty(len(chosen), np.uint32), np.zeros(8**depth, np.int32), np.array(cube.origin)
+    codes = np.empty(len(chosen), np.uint32)
+    counts = np.zeros(8**depth, np.int32)
+    origin = np.array(cube.origin)
     locate(rows_of(chosen.records), chosen.members, origin, cube.bits - depth, SPREAD, codes, counts)
     return codes, counts
 
@@ -87,7 +90,8 @@ def codes_of(chosen: Chosen, cube: Cube, depth: int) -> tuple[NDArray[np.uint32]
 def locate(records, members, origin, bits, spread, codes, counts):  # type: ignore[no-untyped-def]
     """Kernel of :func:`codes_of`; a record begins with X, Y and Z as little-endian int32."""
     for i in range(len(members)):
-        code, record = np.uint32(0), members[i]
+        code = np.uint32(0)
+        record = members[i]
         for axis in range(3):
             k = 4 * axis
             step = (

@@ -28,7 +28,8 @@ from furrowmap.exporters.cloud.octree import Key
 from furrowmap.exporters.cloud.points import Extent
 from furrowmap.exporters.cloud.records import Chosen, select_columns
 
-PLAIN, COLOURED = 6, 7
+PLAIN = 6
+COLOURED = 7
 """Point formats of LAS."""
 MAX_COMING: Final = 64
 """Maximum number of nodes in compression; each waits with a few bytes a point."""
@@ -78,7 +79,8 @@ def las_header(kind: CopcFormat) -> laspy.LasHeader:
     """
     header = laspy.LasHeader(version="1.4", point_format=COLOURED if kind.colour else PLAIN)
     header.add_extra_dims([laspy.ExtraBytesParams(name, dtype, text) for name, dtype, text in kind.extra])
-    header.scales, header.offsets = np.full(3, kind.scale_m), np.array(kind.origin_m)
+    header.scales = np.full(3, kind.scale_m)
+    header.offsets = np.array(kind.origin_m)
     header.global_encoding.wkt = True
     times = laspy.header.GpsTimeType
     header.global_encoding.gps_time_type = times.WEEK_TIME if kind.week_time else times.STANDARD
@@ -130,7 +132,9 @@ class CopcFile:
         written: Callable[[int], None],
         complete: Callable[[ChunkColumns], None] | None = None,
     ) -> None:
-        self._header, self._written, self._complete = header, written, complete
+        self._header = header
+        self._written = written
+        self._complete = complete
         self._disk = _DiskFile(path, "w+")
         self._stream = io.BufferedRandom(self._disk)
         header.write_to(self._stream)
@@ -174,14 +178,17 @@ class CopcFile:
         points, lengths = np.array(self._chunks or [(0, 0)], np.int64).T
         hierarchy = np.zeros(len(points), ENTRY)
         if self._keys:
-            hierarchy["key"], hierarchy["points"], hierarchy["bytes"] = self._keys, points, lengths
+            hierarchy["key"] = self._keys
+            hierarchy["points"] = points
+            hierarchy["bytes"] = lengths
             first = self._header.offset_to_point_data + TABLE_OFFSET.size
             hierarchy["offset"] = first + np.cumsum(lengths) - lengths
         record = laspy.VLR("copc", 1000, "EPT Hierarchy", hierarchy.tobytes())
         VLRList([record]).write_to(self._stream, as_extended=True)
         offset = self._stream.tell() - hierarchy.nbytes
 
-        header, scale_m = self._header, float(self._header.scales[0])
+        header = self._header
+        scale_m = float(self._header.scales[0])
         header.start_of_first_evlr = start
         header.point_count = extent.points
         header.number_of_points_by_return = extent.by_return.astype(np.uint64)

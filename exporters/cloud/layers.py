@@ -71,11 +71,16 @@ def compress_points(points: ChunkColumns) -> bytes:
 
     Layers of columns with a single value are empty.
     """
-    n, extra = len(points), points.extra
+    n = len(points)
+    extra = points.extra
     out = np.empty(n * (MAX_POINT_BYTES + MAX_EXTRA_BYTES * len(extra)) + MAX_END_BYTES * (10 + len(extra)), np.uint8)
     table, memory = np.empty(layers.TABLE_SIZE, np.uint16), np.empty(layers.MEMORY_SIZE, np.int64)
     z_context = np.empty(n, np.uint8)
-    x, y, z, returns, time = points.x, points.y, points.z, points.returns, points.gps_time
+    x = points.x
+    y = points.y
+    z = points.z
+    returns = points.returns
+    time = points.gps_time
     ends = [0]
 
     def layer(column: NDArray[Any], encode: Callable[..., int], *columns: NDArray[Any]) -> None:
@@ -206,22 +211,34 @@ def predict(places, returns, time, memory):  # type: ignore[no-untyped-def]
     """
     memory[:] = 0
     memory[MEDIAN_SIZE - 1 :: MEDIAN_SIZE] = -1
-    last, context = np.int64(places[0]), 0
+    last = np.int64(places[0])
+    context = 0
     a = b = c = d = e = ZERO
     top = -ONE
     for i in range(1, len(places)):
         usual = MEDIAN_SIZE * (2 * RETURN_KINDS[returns[i]] + (time[i] != time[i - 1]))
         if usual != context:
-            memory[context], memory[context + 1], memory[context + 2] = a, b, c
-            memory[context + 3], memory[context + 4], memory[context + 5] = d, e, top
+            memory[context] = a
+            memory[context + 1] = b
+            memory[context + 2] = c
+            memory[context + 3] = d
+            memory[context + 4] = e
+            memory[context + 5] = top
             context = usual
-            a, b, c = memory[context], memory[context + 1], memory[context + 2]
-            d, e, top = memory[context + 3], memory[context + 4], memory[context + 5]
+            a = memory[context]
+            b = memory[context + 1]
+            c = memory[context + 2]
+            d = memory[context + 3]
+            e = memory[context + 4]
+            top = memory[context + 5]
         step = wrapped(places[i] - last)
         last = np.int64(places[i])
         places[i] = wrapped(step - c)
         above = c + top
-        a, b, c, d = b ^ ((a ^ b) & top), c ^ ((b ^ c) & top), d ^ ((c ^ d) & top), e ^ ((d ^ e) & top)
+        a = b ^ ((a ^ b) & top)
+        b = c ^ ((b ^ c) & top)
+        c = d ^ ((c ^ d) & top)
+        d = e ^ ((d ^ e) & top)
         a, b, c, d, e = min(a, step), max(a, min(b, step)), max(b, min(c, step)), max(c, min(d, step)), max(d, step)
         top = -np.int64(step <= above)
 
@@ -229,7 +246,8 @@ def predict(places, returns, time, memory):  # type: ignore[no-untyped-def]
 @inlined()
 def return_place(returns):  # type: ignore[no-untyped-def]
     """Whether a return is its pulse's first (1), last (2), both (3) or neither (0)."""
-    number, count = returns & 15, returns >> 4
+    number = returns & 15
+    count = returns >> 4
     return (number == 1) + 2 * (number >= count)
 
 
@@ -240,8 +258,10 @@ def encode_places(out, at, table, x, y, returns, source, time, z_context):  # ty
     coder = coder_at(at)
     time_differs = False
     for i in range(1, len(x)):
-        last_number, last_count = returns[i - 1] & 15, returns[i - 1] >> 4
-        number, count = returns[i] & 15, returns[i] >> 4
+        last_number = returns[i - 1] & 15
+        last_count = returns[i - 1] >> 4
+        number = returns[i] & 15
+        count = returns[i] >> 4
         context = return_place(returns[i - 1]) + 4 * time_differs
         time_differs = time[i] != time[i - 1]
         jump = (number - last_number) & 15
@@ -346,12 +366,24 @@ def encode_colours(out, at, table, red, green, blue):  # type: ignore[no-untyped
     table[:COLOURS_END] = 0
     coder = coder_at(at)
     for i in range(1, len(red)):
-        r, g, b = np.int64(red[i]), np.int64(green[i]), np.int64(blue[i])
-        last_r, last_g, last_b = np.int64(red[i - 1]), np.int64(green[i - 1]), np.int64(blue[i - 1])
-        low_r, low_g, low_b = r & 255, g & 255, b & 255
-        high_r, high_g, high_b = r >> 8, g >> 8, b >> 8
-        was_low_r, was_low_g, was_low_b = last_r & 255, last_g & 255, last_b & 255
-        was_high_r, was_high_g, was_high_b = last_r >> 8, last_g >> 8, last_b >> 8
+        r = np.int64(red[i])
+        g = np.int64(green[i])
+        b = np.int64(blue[i])
+        last_r = np.int64(red[i - 1])
+        last_g = np.int64(green[i - 1])
+        last_b = np.int64(blue[i - 1])
+        low_r = r & 255
+        low_g = g & 255
+        low_b = b & 255
+        high_r = r >> 8
+        high_g = g >> 8
+        high_b = b >> 8
+        was_low_r = last_r & 255
+        was_low_g = last_g & 255
+        was_low_b = last_b & 255
+        was_high_r = last_r >> 8
+        was_high_g = last_g >> 8
+        was_high_b = last_b >> 8
         change = (low_r != was_low_r) | (high_r != was_high_r) << 1
         change |= (low_g != was_low_g) << 2 | (high_g != was_high_g) << 3
         change |= (low_b != was_low_b) << 4 | (high_b != was_high_b) << 5
@@ -362,7 +394,8 @@ def encode_colours(out, at, table, red, green, blue):  # type: ignore[no-untyped
         if high_r != was_high_r:
             coder = encode_byte(out, coder, table, RED_HIGH, high_r, was_high_r)
         if coloured:
-            step_low, step_high = low_r - was_low_r, high_r - was_high_r
+            step_low = low_r - was_low_r
+            step_high = high_r - was_high_r
             if low_g != was_low_g:
                 coder = encode_byte(out, coder, table, GREEN_LOW, low_g, was_low_g + step_low)
             if low_b != was_low_b:
@@ -391,14 +424,19 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
     """
     table[:TIMES_END] = 0
     memory[: 3 * SEQUENCES] = 0
-    last, step, unsteady = memory[:4], memory[4:8], memory[8:12]
+    last = memory[:4]
+    step = memory[4:8]
+    unsteady = memory[8:12]
     last[0] = bits[0]
-    now, newest = 0, 0
+    now = 0
+    newest = 0
     coder = coder_at(at)
     for i in range(1, len(bits)):
         if time[i] == time[i - 1]:
             continue
-        value, first, begins = bits[i], step[now] == 0, False
+        value = bits[i]
+        first = step[now] == 0
+        begins = False
         if not is_int32(value - last[now]):
             other = 1
             while other < SEQUENCES and not is_int32(value - last[(now + other) & 3]):
@@ -413,14 +451,16 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
         multiple = symbol = context = ZERO
         error = difference
         if begins:
-            context, error = EIGHT, (value >> 32) - (last[now] >> 32)
+            context = EIGHT
+            error = (value >> 32) - (last[now] >> 32)
         elif not first:
             # In single precision, as every decoder has it.
             ratio = np.float32(difference) / np.float32(step[now])
             ratio += np.float32(0.5) if ratio >= 0 else np.float32(-0.5)
             multiple = np.int64(max(min(ratio, np.float32(MAX_MULTIPLE)), np.float32(MIN_MULTIPLE)))
             symbol = multiple if multiple >= 0 else MAX_MULTIPLE - multiple
-            context, error = REST_CONTEXTS[np.uint64(multiple - MIN_MULTIPLE)], difference - multiple * step[now]
+            context = REST_CONTEXTS[np.uint64(multiple - MIN_MULTIPLE)]
+            error = difference - multiple * step[now]
         if not begins:
             coder = encode(out, coder, table, FIRSTS_AT if first else ZERO, FIRSTS if first else MULTIPLES, symbol)
         # Once for all cases, because it is inlined: to compile it three times took a second.
@@ -431,11 +471,13 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
             now = newest = (newest + 1) & 3
         last[now] = value
         if begins or first:
-            step[now], unsteady[now] = 0 if begins else difference, 0
+            step[now] = 0 if begins else difference
+            unsteady[now] = 0
         elif multiple == 1:
             unsteady[now] = 0
         elif multiple in (0, MAX_MULTIPLE, MIN_MULTIPLE):
             unsteady[now] += 1
             if unsteady[now] > MAX_UNSTEADY:
-                step[now], unsteady[now] = difference, 0
+                step[now] = difference
+                unsteady[now] = 0
     return finish(out, coder)

@@ -72,7 +72,8 @@ class Plan:
     def codes_below(self, node: int) -> tuple[int, int]:
         """The codes of a node's cells of the deepest level, as first and end."""
         level = self.level_of(node)
-        code, shift = node - int(self.first[level]), 3 * (self.depth - level)
+        code = node - int(self.first[level])
+        shift = 3 * (self.depth - level)
         return code << shift, (code + 1) << shift
 
 
@@ -104,7 +105,8 @@ def draw_nodes(
     codes: NDArray[np.uint32], plan: Plan, random: np.random.Generator
 ) -> tuple[NDArray[np.uint32], NDArray[np.int32]]:
     """The node of each point (n,) and the number of points in each node (nodes,)."""
-    nodes, counts = np.empty(len(codes), np.uint32), np.zeros(int(plan.first[-1]), np.int32)
+    nodes = np.empty(len(codes), np.uint32)
+    counts = np.zeros(int(plan.first[-1]), np.int32)
     draw(codes, plan.first, plan.threshold, plan.depth, random.integers(1 << 63, dtype=np.uint64), nodes, counts)
     return nodes, counts
 
@@ -151,15 +153,21 @@ class Octree:
         cube: Cube | None = None,
         key: Key = ROOT_KEY,
     ) -> None:
-        self._memory_points, self._node_points, self._folder = memory_points, node_points, folder
+        self._memory_points = memory_points
+        self._node_points = node_points
+        self._folder = folder
         self._random = random
-        self._cube, self._key = cube, key
+        self._cube = cube
+        self._key = key
         self._depth = DEPTH if cube is None else min(DEPTH, cube.bits)
         self._buffer: Records = np.empty(0, layout)
-        self._first, self._held, self._end = 0, 0, 0
+        self._first = 0
+        self._held = 0
+        self._end = 0
         self._turn = 0
         self._reading: tuple[list[Future[Any]], list[Future[Any]]] = ([], [])
-        self._low, self._high = np.full(3, np.iinfo(np.int64).max), np.full(3, np.iinfo(np.int64).min)
+        self._low = np.full(3, np.iinfo(np.int64).max)
+        self._high = np.full(3, np.iinfo(np.int64).min)
         self._spool: RecordSpool | None = None
         self._thread: ThreadPoolExecutor | None = None
         self._spilling: Future[None] | None = None
@@ -297,7 +305,8 @@ class Octree:
 
         nodes, counts = draw_nodes(codes, plan, self._random)
         there = np.flatnonzero(counts != 0).tolist()
-        order, ends = sorted_order(nodes, counts, chosen.members), counts
+        order = sorted_order(nodes, counts, chosen.members)
+        ends = counts
         for node in sorted({*there, *self._waiting, *self._within}):
             own = Chosen(chosen.records, order[ends[node - 1] if node else 0 : ends[node]])
             complete = plan.codes_below(node)[1] <= end
@@ -313,7 +322,8 @@ class Octree:
         inner = self._within.get(node)
         if inner is None:
             cube = self._enclose().cell(self._depth, node - int(plan.first[self._depth]))
-            memory_points, key = max(self._memory_points // 4, 1), self._key_of(node, plan)
+            memory_points = max(self._memory_points // 4, 1)
+            key = self._key_of(node, plan)
             inner = self._within[node] = Octree(
                 self._buffer.dtype, memory_points, self._node_points, self._folder, self._random, cube, key
             )

@@ -111,7 +111,9 @@ def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = 
     for name in ("intensity", "classification", "point_source_id"):
         into[name] = _fitting(name, getattr(batch, name), into.dtype[name], n)
     extra = _fill_optional(batch, into)
-    low, high, by_return = np.empty(3, np.int64), np.empty(3, np.int64), np.zeros(RETURNS + 1, np.int64)
+    low = np.empty(3, np.int64)
+    high = np.empty(3, np.int64)
+    by_return = np.zeros(RETURNS + 1, np.int64)
     seconds = np.empty(2)
     shift_s = 0.0 if week_time or not n else float(utc_to_las_time(batch.t_s[0]) - batch.t_s[0])
     refused = pack_points(
@@ -153,7 +155,8 @@ def _fill_optional(batch: PointBatch, into: Records) -> dict[str, tuple[float, f
     for name in extra:
         values = _fitting(name, batch.extra[name], into.dtype[name], len(batch))
         into[name] = values
-        least, greatest = np.fmin.reduce(values, axis=None).item(), np.fmax.reduce(values, axis=None).item()
+        least = np.fmin.reduce(values, axis=None).item()
+        greatest = np.fmax.reduce(values, axis=None).item()
         if least == least:  # false for nan alone
             ends[name] = least, greatest
     return ends
@@ -210,7 +213,8 @@ def pack_points(  # type: ignore[no-untyped-def]
         e = np.rint(xyz_m[i, 0] * steps_per_m)
         n = np.rint(xyz_m[i, 1] * steps_per_m)
         h = np.rint(xyz_m[i, 2] * steps_per_m)
-        number, of = return_number[i], returns[i]
+        number = return_number[i]
+        of = returns[i]
         # False for nan too.
         within = (
             (LEAST_STEP <= e <= MOST_STEP)
@@ -220,14 +224,26 @@ def pack_points(  # type: ignore[no-untyped-def]
         )
         if not (within and 1 <= number <= 15 and 1 <= of <= 15):
             return i
-        x[i], y[i], z[i] = np.int64(e), np.int64(n), np.int64(h)
-        west, east = min(west, e), max(east, e)
-        south, north = min(south, n), max(north, n)
-        bottom, top = min(bottom, h), max(top, h)
+        x[i] = np.int64(e)
+        y[i] = np.int64(n)
+        z[i] = np.int64(h)
+        west = min(west, e)
+        east = max(east, e)
+        south = min(south, n)
+        north = max(north, n)
+        bottom = min(bottom, h)
+        top = max(top, h)
         bit_fields[i] = number | of << 4
         by_return[np.uint64(number)] += 1
         time[i] = t_s[i] + shift_s
-        first, last = min(first, t_s[i]), max(last, t_s[i])
-    low[0], low[1], low[2], high[0], high[1], high[2] = west, south, bottom, east, north, top
-    seconds[0], seconds[1] = first, last
+        first = min(first, t_s[i])
+        last = max(last, t_s[i])
+    low[0] = west
+    low[1] = south
+    low[2] = bottom
+    high[0] = east
+    high[1] = north
+    high[2] = top
+    seconds[0] = first
+    seconds[1] = last
     return -1

@@ -136,8 +136,13 @@ def take(  # type: ignore[no-untyped-def]
     """Kernel of :func:`select_columns`: copies fields of records into columns."""
     for i in range(len(members)):
         k = members[i]
-        x[i], y[i], z[i] = xs[k], ys[k], zs[k]
-        intensity[i], returns[i], classification[i] = intensities[k], all_returns[k], classes[k]
-        source[i], time[i] = sources[k], times[k]
+        x[i] = xs[k]
+        y[i] = ys[k]
+        z[i] = zs[k]
+        intensity[i] = intensities[k]
+        returns[i] = all_returns[k]
+        classification[i] = classes[k]
+        source[i] = sources[k]
+        time[i] = times[k]
         for j in range(extra.shape[0]):
             extra[j, i] = extras[k, j]

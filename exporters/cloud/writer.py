@@ -59,7 +59,9 @@ class CopcWriter:
     ) -> None:
         if node_points < MIN_NODE_POINTS or memory_points < 1:
             raise ValueError(f"no octree with {node_points} points a node, {memory_points} in memory")
-        self._path, self._kind, self._node_points = path, kind, node_points
+        self._path = path
+        self._kind = kind
+        self._node_points = node_points
         self._header = las_header(kind)
         layout = held_layout(self._header.point_format.dtype(), colours_later=colours_later)
         random = np.random.default_rng(seed)
@@ -112,9 +114,11 @@ class CopcWriter:
             CopcFile(self._unfinished, self._header, lambda done: progress("writing cloud", done / points), complete)
         ) as file:
             if self._extent is not None:
-                cube, extent = self._octree.finish(file.put), self._extent
+                cube = self._octree.finish(file.put)
+                extent = self._extent
             else:
-                cube, extent = Cube((0, 0, 0), 0), Extent.at_origin()
+                cube = Cube((0, 0, 0), 0)
+                extent = Extent.at_origin()
             # Mean distance of a node's points, which mostly lie on a surface across its cell.
             spacing_m = cube.side * self._kind.scale_m / math.sqrt(min(points, self._node_points) or 1)
             nodes, levels = file.finish(extent, cube, spacing_m)

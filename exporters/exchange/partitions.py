@@ -125,7 +125,9 @@ class Partition:
 
     def _put(self, xyz_m: FloatArray, columns: RowColumns) -> None:
         records = np.empty(len(xyz_m), _WKB)
-        records["order"], records["kind"], records["xyz"] = 1, _POINT_Z, xyz_m
+        records["order"] = 1
+        records["kind"] = _POINT_Z
+        records["xyz"] = xyz_m
         offsets = np.arange(len(xyz_m) + 1, dtype=np.int32) * np.int32(_WKB.itemsize)
         buffers = [None, pa.py_buffer(offsets), pa.py_buffer(records)]
         # Boxes of half the digits hold the points.
@@ -138,7 +140,8 @@ class Partition:
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema), row_group_size=ROW_GROUP)
         name, rows = self.files[-1]
         self.files[-1] = name, rows + len(xyz_m)
-        least, greatest = xyz_m[:, :2].min(axis=0), xyz_m[:, :2].max(axis=0)
+        least = xyz_m[:, :2].min(axis=0)
+        greatest = xyz_m[:, :2].max(axis=0)
         for bounds in (self._bounds, self.bounds_m):
             bounds[:2] = np.minimum(bounds[:2], least)
             bounds[2:] = np.maximum(bounds[2:], greatest)

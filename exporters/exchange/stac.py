@@ -80,7 +80,9 @@ _IDENTIFIER_BYTES: Final = 200
 
 def run_item(report: dict[str, Any]) -> StacItem:
     """The item of one run from its `report.json`, with assets relative to it, of products with a media type."""
-    figures, session, origin = report["figures"], report["session"], result_origin(report)
+    figures = report["figures"]
+    session = report["session"]
+    origin = result_origin(report)
     (west, south, low), (east, north, high) = figures["bounds_m"]
     crs = crs_of_file(session["crs"]["map"]).to_2d()
     frame = stated_frame(session["crs"]["coordinates"])

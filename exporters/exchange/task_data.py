@@ -55,7 +55,8 @@ _LOG_RECORD: Final = np.dtype(
      ("gps_day", "<u2"), ("count", "u1")]
 )  # fmt: skip
 _LOG_VALUE: Final = np.dtype([("channel", "u1"), ("value", "<i4")])
-_STATE, _WIDTH = 0, 1
+_STATE = 0
+_WIDTH = 1
 """Places of the values among the header's."""
 
 
@@ -95,7 +96,8 @@ def _tool_records(
     result: ResultFolder, implement: dict[str, Any]
 ) -> tuple[FloatArray, NDArray[np.int8], NDArray[np.uint8], VectorLayer]:
     """(t_s, state, fix, place) of the records: the poses, and the times at which the tool was lowered or lifted."""
-    layer, passes = result.layer(TRAJECTORY), _of_tool(result.layer("passes"), implement)
+    layer = result.layer(TRAJECTORY)
+    passes = _of_tool(result.layer("passes"), implement)
     poses = layer.columns
     t_s = poses["t_s"]
     attitude = (poses[f"{name}_deg"] for name in ("roll", "pitch", "heading"))
@@ -144,9 +146,11 @@ def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArr
     """The binary records, with values only where they change; `fix` has the codes of NMEA 0183 (and NMEA 2000)."""
     ms = np.round((t_s - EPOCH_S) * 1000.0).astype(np.int64)
     records = np.zeros(len(t_s), _LOG_RECORD)
-    records["ms"], records["day"] = ms % DAY_MS, ms // DAY_MS
+    records["ms"] = ms % DAY_MS
+    records["day"] = ms // DAY_MS
     records["gps_ms"], records["gps_day"] = records["ms"], records["day"]
-    records["lon"], records["lat"] = np.round(1e7 * place[:, 0]), np.round(1e7 * place[:, 1])
+    records["lon"] = np.round(1e7 * place[:, 0])
+    records["lat"] = np.round(1e7 * place[:, 1])
     records["up"] = np.round(1000.0 * np.where(np.isfinite(place[:, 2]), place[:, 2], 0.0))
     records["status"] = fix
     changes = np.flatnonzero(np.diff(state, prepend=np.int8(-1)) != 0)

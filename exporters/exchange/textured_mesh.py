@@ -31,8 +31,13 @@ MAX_TEXTURE_PIXELS: Final = 8192
 """Across the texture: the largest that graphics cards of laptops take without exception."""
 UNSEEN_GREY: Final = 128
 """Level of places without a picture."""
-_GLB, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
-_FLOAT, _UINT, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
+_GLB = 0x46546C67
+_JSON = 0x4E4F534A
+_BIN = 0x004E4942
+_FLOAT = 5126
+_UINT = 5125
+_VERTICES = 34962
+_INDICES = 34963
 _QUALITY: Final = "88"
 
 
@@ -44,14 +49,17 @@ def write_textured_mesh(target: Path, result: ResultFolder) -> list[Notice]:
     for name in (DSM, ORTHOPHOTO):
         if not (result.folder / name).is_file():
             raise InputError("no-orthophoto", folder=result.folder, name=name)
-    dsm, notices = result.folder / DSM, []
+    dsm = result.folder / DSM
+    notices = []
     with open_geotiff(dsm, _unusable) as raster:
         factor = max(1, ceil(sqrt(raster.height * raster.width / MAX_MESH_VERTICES)))
-        rows, columns = ceil(raster.height / factor), ceil(raster.width / factor)
+        rows = ceil(raster.height / factor)
+        columns = ceil(raster.width / factor)
         heights = raster.read(1, out_shape=(rows, columns), resampling=Resampling.average, masked=True)
         left, bottom, right, top = raster.bounds
         crs = raster.crs.to_string() if raster.crs is not None else ""
-        cell_m, step_m = float(raster.transform.a), (right - left) / columns
+        cell_m = float(raster.transform.a)
+        step_m = (right - left) / columns
     if columns > 1 and step_m > 1.01 * cell_m:
         notices.append(Notice("mesh-reduced", step_m=step_m, dsm=DSM, cell_m=cell_m))
     jpeg, bounds, reduced = _texture(result.folder / ORTHOPHOTO)
@@ -105,7 +113,8 @@ def _write_glb(
 ) -> None:
     """The file: header, JSON, and one binary chunk with vertices, places in the texture, triangles and the picture."""
     parts = [place.tobytes(), at.tobytes(), corners.tobytes(), jpeg]
-    views, offset = [], 0
+    views = []
+    offset = 0
     for part, target in zip(parts, (_VERTICES, _VERTICES, _INDICES, None), strict=True):
         view = {"buffer": 0, "byteOffset": offset, "byteLength": len(part)}
         views.append(view if target is None else view | {"target": target})
@@ -154,7 +163,10 @@ def _write_glb(
 
 def triangles(number: NDArray[np.int64]) -> NDArray[np.int64]:
     """Triangles (m, 3) of the vertices of a grid, counter-clockwise from above; −1 is no vertex."""
-    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
+    a = number[:-1, :-1]
+    b = number[:-1, 1:]
+    c = number[1:, :-1]
+    d = number[1:, 1:]
     has = [corner >= 0 for corner in (a, b, c, d)]
     found = []
     # Two triangles where all four are there, one where three are.

@@ -36,7 +36,8 @@ def write_trajectory(target: Path, to: str, result: ResultFolder) -> None:
     layer = layer.where(np.argsort(layer.columns["t_s"], kind="stable"))
     crs = CRS(layer.crs)
     crs = crs.sub_crs_list[0] if crs.is_compound else crs
-    t_s, xyz_m = layer.columns["t_s"], layer.coordinates
+    t_s = layer.columns["t_s"]
+    xyz_m = layer.coordinates
     attitude_deg = np.column_stack([layer.columns[f"{name}_deg"] for name in ("roll", "pitch", "heading")])
     to_degrees = Transformer.from_crs(crs, crs.geodetic_crs or crs, always_xy=True)
     lon_lat_deg = np.column_stack(to_degrees.transform(xyz_m[:, 0], xyz_m[:, 1])).astype(np.float64)
@@ -62,7 +63,8 @@ def write_trajectory(target: Path, to: str, result: ResultFolder) -> None:
             sigmas = [f"sigma_{name}" for name in SIGMA_NAMES]
             columns = (layer.columns[name] for name in sigmas)
             table = np.column_stack([t_s, xyz_m, lon_lat_deg, attitude_deg, *columns])
-            form, head = "%.6f" + ",%.5f" * 3 + ",%.10f" * 2 + ",%.6f" * 9, ",".join([_CSV_HEAD, *sigmas])
+            form = "%.6f" + ",%.5f" * 3 + ",%.10f" * 2 + ",%.6f" * 9
+            head = ",".join([_CSV_HEAD, *sigmas])
             np.savetxt(unfinished, table, fmt=form, header=head, comments="", encoding="ascii")
 
 

@@ -393,7 +393,8 @@ def _short_names(layer: VectorLayer) -> dict[str, str]:
         room = _SHAPEFILE_NAME_BYTES
         while room > 1 and len("_".join(word[:room] for word in words).encode()) > _SHAPEFILE_NAME_BYTES:
             room -= 1
-        whole, number = "_".join(word[:room] for word in words), 1
+        whole = "_".join(word[:room] for word in words)
+        number = 1
         cut = _cut(whole, _SHAPEFILE_NAME_BYTES)
         while cut.casefold() in taken:
             number += 1

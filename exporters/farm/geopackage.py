@@ -409,7 +409,8 @@ class GeopackageEdit:
                     columns[name] = _unknown(len(layer.shapes), kind)
             for name in own.values():
                 columns[name] = layer.columns[name]
-                quoted, kind = name.replace('"', '""'), column_type(columns[name], _COLUMN_TYPES)
+                quoted = name.replace('"', '""')
+                kind = column_type(columns[name], _COLUMN_TYPES)
                 database.execute(f'ALTER TABLE "{layer.name}" ADD COLUMN "{quoted}" {kind}')
         return replace(layer, columns=columns)
 

@@ -60,7 +60,8 @@ def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> str | None:
     if not found:
         return None
     sources = [(file.path, grid, file.nodata) for file, grid in found]
-    last, whole = found[-1][0], enclosing([grid for _, grid in found])
+    last = found[-1][0]
+    whole = enclosing([grid for _, grid in found])
     origin = Origin("Surfaces of the farm map's sessions, the latest on top")
     return virtual_raster(resolved(path).parent, whole, last.crs, last.bands[:1], sources, origin)
 

@@ -141,11 +141,13 @@ def _united(layer: Layer) -> dict[str, BaseGeometry]:
 
 def _find_fields(known: Sessions) -> list[_Field]:
     """The fields in the order of the first session in each."""
-    ground, stated = _united(known.coverage), _united(known.boundary)
+    ground = _united(known.coverage)
+    stated = _united(known.boundary)
     columns = known.sessions.columns
     fields: list[_Field] = []
     for session, name, named in zip(columns["session"], columns["name"], columns["field_name"], strict=True):
-        boundary, worked = stated.get(session), ground.get(session)
+        boundary = stated.get(session)
+        worked = ground.get(session)
         shape = boundary if boundary is not None else worked
         if shape is None or shape.is_empty:
             continue
@@ -182,7 +184,8 @@ def _closed(shape: BaseGeometry) -> BaseGeometry:
 
 def _divide_sessions(known: Sessions, fields: Sequence[_Field], season_start: tuple[int, int]) -> Iterator[Row]:
     """The work of each session in each field."""
-    ground, columns = _united(known.coverage), known.sessions.columns
+    ground = _united(known.coverage)
+    columns = known.sessions.columns
     overlaps, misses, passes = (_by_session(layer) for layer in (known.overlaps, known.misses, known.passes))
     tree = shapely.STRtree([field.outline for field in fields])
     for row, session in enumerate(columns["session"].tolist()):
@@ -227,7 +230,8 @@ def _depth_m(passes: Layer, rows: NDArray[np.intp] | None, outline: BaseGeometry
     """Mean depth by area; nan where unknown."""
     if rows is None:
         return float("nan")
-    depth, area = passes.columns["depth_m"][rows], passes.columns["area_m2"][rows]
+    depth = passes.columns["depth_m"][rows]
+    area = passes.columns["area_m2"][rows]
     if outline is not None:
         shapes = shapely.make_valid(passes.shapes[rows])
         area = shapely.area(shapely.intersection(shapes, outline))
@@ -236,7 +240,8 @@ def _depth_m(passes: Layer, rows: NDArray[np.intp] | None, outline: BaseGeometry
 
 def _mean_depth_m(depth_m: ArrayLike, area_m2: ArrayLike) -> float:
     """Mean by area; nan where no depth is known."""
-    depth, area = np.asarray(depth_m, np.float64), np.asarray(area_m2, np.float64)
+    depth = np.asarray(depth_m, np.float64)
+    area = np.asarray(area_m2, np.float64)
     known = np.isfinite(depth) & (area > 0)
     return float(np.average(depth[known], weights=area[known])) if known.any() else float("nan")
 
@@ -284,7 +289,8 @@ def _machine_rows(columns: Columns) -> Iterator[Row]:
 
 def _rate_ha_h(area_m2: ArrayLike, hours: ArrayLike) -> float:
     """Work rate of those whose area and hours are both known; nan where there are none."""
-    area, time = np.asarray(area_m2, np.float64), np.asarray(hours, np.float64)
+    area = np.asarray(area_m2, np.float64)
+    time = np.asarray(hours, np.float64)
     known = np.isfinite(area) & np.isfinite(time)
     total_h = float(sum(time[known]))
     return float(sum(area[known])) / 10_000.0 / total_h if total_h > 0 else float("nan")

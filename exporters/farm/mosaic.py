@@ -91,7 +91,8 @@ def write_mosaic(
     surfaces = [surface_file(path) for path in paths]
     if resolved(output) in {surface.path for surface in surfaces}:
         raise RefusedError("output-is-input.write-mosaic", output=output)
-    target, cell_m = common_crs(surfaces, optional_crs(crs)), cell_m or surfaces[-1].cell_m
+    target = common_crs(surfaces, optional_crs(crs))
+    cell_m = cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
     changed = [surface for surface in surfaces if not same_map(surface.crs, target)]
     places = [(horizontal(one.crs), one.bounds_m) for one in surfaces]
@@ -214,7 +215,10 @@ class _OpenSurfaces:
     def __init__(
         self, surfaces: Sequence[SurfaceFile], crs: CRS, cell_m: float, indexes: Sequence[Sequence[int]]
     ) -> None:
-        self._surfaces, self._crs, self._cell_m, self._indexes = surfaces, crs, cell_m, indexes
+        self._surfaces = surfaces
+        self._crs = crs
+        self._cell_m = cell_m
+        self._indexes = indexes
         self._tree = shapely.STRtree([shapely.box(*grid_in(surface, crs, cell_m).bounds_m) for surface in surfaces])
         self._open: OrderedDict[int, tuple[ExitStack, OpenSurface]] = OrderedDict()
 
@@ -248,7 +252,8 @@ def _latest(sources: _OpenSurfaces, tile: Grid, count: int) -> list[Float32Array
 
 
 def _mean(sources: _OpenSurfaces, tile: Grid) -> list[Float32Array]:
-    total, number = np.zeros(tile.shape), np.zeros(tile.shape, np.float32)
+    total = np.zeros(tile.shape)
+    number = np.zeros(tile.shape, np.float32)
     for theirs in sources.over(tile, latest_first=False):
         known = ~np.isnan(theirs[0])
         total += np.where(known, theirs[0], 0.0)

@@ -161,7 +161,8 @@ def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
         inside = [x for x in layers if x.name in names or (title == _OTHERS and x.name not in named)]
         if not inside:
             continue
-        name, folded = translated(title, language_of_user()), title == _DETAILS
+        name = translated(title, language_of_user())
+        folded = title == _DETAILS
         state = {"checked": "Qt::Unchecked" if folded else "Qt::Checked", "expanded": str(int(not folded))}
         group = ET.SubElement(tree, "layer-tree-group", {"name": name, **state})
         for layer in inside:
@@ -203,7 +204,8 @@ def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSessio
     found = {name: text for name in layers if (text := _packaged(name)) is not None}
     if _BY_DATE in found:
         found[_BY_DATE] = _by_date(found[_BY_DATE], [session.date for session in sessions])
-    language, aliases = language_of_user(), {**COLUMN_LABELS, **FARM_LABELS}
+    language = language_of_user()
+    aliases = {**COLUMN_LABELS, **FARM_LABELS}
     clocks = _clocks(sessions)
     found = {name: finished_style(text, language, clocks) for name, text in found.items()}
     plain = {name: labels for name, labels in VALUES.items() if name != "implement"}
@@ -220,7 +222,8 @@ def _clocks(sessions: Sequence[KnownSession]) -> list[StyleClock]:
     clocks = []
     for zone, group in groupby(ordered, lambda session: session.time_zone):
         of_zone = list(group)
-        first_s, last_s = min(one.start.timestamp() for one in of_zone), max(one.end.timestamp() for one in of_zone)
+        first_s = min(one.start.timestamp() for one in of_zone)
+        last_s = max(one.end.timestamp() for one in of_zone)
         clocks.append(StyleClock(ZoneInfo(zone), first_s, last_s, tuple(sorted(one.session for one in of_zone))))
     return sorted(clocks, key=lambda clock: -len(clock.sessions))
 
@@ -236,7 +239,8 @@ def _packaged(name: str) -> str | None:
 def _by_date(text: str, dates: Sequence[dt.date]) -> str:
     """The style with a category for each day, and one for all other days."""
     root = ET.fromstring(text)  # noqa: S314 (a file of this package)
-    categories, symbols = root.find(".//categories"), root.find(".//symbols")
+    categories = root.find(".//categories")
+    symbols = root.find(".//symbols")
     assert categories is not None
     assert symbols is not None
     (pattern,) = symbols

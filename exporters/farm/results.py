@@ -99,7 +99,9 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
     """Read the result of a run, without its cloud; `zone` None for that of the run, else of the place."""
     result = open_result(folder)
     with reading_result(folder / FIELD):
-        folder, path, session = result.folder, result.folder / FIELD, result.folder / SESSION_FILE
+        folder = result.folder
+        path = result.folder / FIELD
+        session = result.folder / SESSION_FILE
         names = (name for name in result.layer_names if _LAYER_NAME.fullmatch(name))
         tool = (result.report["session"].get("implement") or {}).get("name")
         layers = {name: read_layer(path, name) for name in names}
@@ -162,7 +164,8 @@ def session_result(
     date = local_date(start, zone)
     key = {"session": identity["session"], "date": np.datetime64(date)}
     span = {"start": start, "end": end}
-    shapes, covered = [*driven.shapes], layers.get("coverage")
+    shapes = [*driven.shapes]
+    covered = layers.get("coverage")
     if covered is not None:
         layers["coverage"] = with_columns(covered, {"name": name, **span})
         shapes += covered.shapes.tolist()
@@ -206,7 +209,8 @@ def one_row(values: Mapping[str, Any]) -> Columns:
 
 def _facts(result: ResultFolder) -> dict[str, Any]:
     """What of a report has a column of its own; the rest is in its text."""
-    report, figures = result.report, result.report["figures"]
+    report = result.report
+    figures = result.report["figures"]
     session = report["session"]
     implement = session.get("implement") or {}
     return {
@@ -271,7 +275,8 @@ def read_tasks(path: Path, zone: ZoneInfo | None = None) -> list[SessionResult]:
         if not all("task" in layer.columns for layer in layers.values()):
             raise _no_tasks(path, "was not written by `furrowmap fields`")
         crs = crs_of_file(layer_info(path, TRAJECTORY)["crs"])
-        figures, digest = layers.pop(FIELDS_LAYER), products_digest(path)
+        figures = layers.pop(FIELDS_LAYER)
+        digest = products_digest(path)
         results = []
         for task in figures.rows():
             own = {name: _features_of(layer, "task", str(task["task"]), "field") for name, layer in layers.items()}
@@ -284,7 +289,8 @@ def _task_result(
 ) -> SessionResult:
     driven = layers[TRAJECTORY]
     recordings = short_hash(["task data", task["task"], task["task_name"], str(driven.columns["time"][0])])
-    rate, area_m2 = float(task["work_rate_ha_h"]), float(task["worked_area_m2"])
+    rate = float(task["work_rate_ha_h"])
+    area_m2 = float(task["worked_area_m2"])
     passes = layers.get("passes")
     widths = passes.columns["width_m"] if passes is not None and len(passes.shapes) else np.array([np.nan])
     facts = {

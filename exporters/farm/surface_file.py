@@ -65,7 +65,8 @@ def surface_file(path: Path) -> SurfaceFile:
         )
         scale = height_scale(raster, path)
         assert scale.crs is not None
-        west, north = raster.bounds.left / width, raster.bounds.top / width
+        west = raster.bounds.left / width
+        north = raster.bounds.top / width
         anchored = max(abs(west - round(west)), abs(north - round(north))) <= _OFF_CELLS
         grid = Grid(width, round(west), round(north), raster.shape) if anchored else None
         span_s = None

@@ -57,7 +57,8 @@ def write_traffic(
     grid = Grid.of_bounds(cell_m, (west - margin, south - margin, east + margin, north + margin))
     bands = (WORKED, LAST_DAY, *([DRIVEN] if wheels is not None else []))
     order = np.argsort(day, kind="stable")
-    passes, days = passes[order], (day[order] - EPOCH).astype(np.int64)
+    passes = passes[order]
+    days = (day[order] - EPOCH).astype(np.int64)
     trees = shapely.STRtree(passes), shapely.STRtree(tracks)
     with cog_output(path, grid, crs, bands, origin, counts=True) as put:
         for tile, _ in windows(grid, 0):
@@ -78,7 +79,9 @@ def write_traffic(
 
 def write_worked(path: Path, passes: ShapeArray, grid: Grid, crs: CRS, origin: Origin) -> int:
     """Write how often each cell was worked, as the first band of :func:`write_traffic`; the greatest number."""
-    most, tree, days = 0, shapely.STRtree(passes), np.zeros(len(passes), np.int64)
+    most = 0
+    tree = shapely.STRtree(passes)
+    days = np.zeros(len(passes), np.int64)
     with cog_output(path, grid, crs, (WORKED,), origin, counts=True) as put:
         for tile, _ in windows(grid, 0):
             rows = np.sort(tree.query(shapely.box(*tile.bounds_m)))
@@ -90,13 +93,15 @@ def write_worked(path: Path, passes: ShapeArray, grid: Grid, crs: CRS, origin: O
 
 def _worked(tile: Grid, passes: ShapeArray, day: NDArray[np.int64]) -> list[NDArray[np.uint16]]:
     """Times worked and the last day of it; the passes are in order of time."""
-    times, last = np.zeros(tile.shape, np.uint16), np.zeros(tile.shape, np.uint16)
+    times = np.zeros(tile.shape, np.uint16)
+    last = np.zeros(tile.shape, np.uint16)
     if not len(passes):
         return [times, last]
     west, south, east, north = tile.bounds_m
     cut = shapely.clip_by_rect(passes, west - tile.cell_m, south - tile.cell_m, east + tile.cell_m, north + tile.cell_m)
     known = ~shapely.is_empty(cut)
-    shapes, days = cut[known].tolist(), day[known].tolist()
+    shapes = cut[known].tolist()
+    days = day[known].tolist()
     if shapes:
         place = {"transform": Affine(*tile.transform)}
         rasterize(((shape, 1) for shape in shapes), out=times, merge_alg=MergeAlg.add, **place)
@@ -107,12 +112,14 @@ def _worked(tile: Grid, passes: ShapeArray, day: NDArray[np.int64]) -> list[NDAr
 def _paths_near(track: shapely.MultiLineString, near: shapely.Polygon) -> list[NDArray[np.float64]]:
     """The lines (n, 3) of a track with the distance driven, without the segments far from a tile."""
     west, south, east, north = near.bounds
-    found, driven_m = [], 0.0
+    found = []
+    driven_m = 0.0
     for line in shapely.get_parts(track):
         xy = shapely.get_coordinates(line)
         along = driven_m + np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
         driven_m = float(along[-1])
-        low, high = np.minimum(xy[1:], xy[:-1]), np.maximum(xy[1:], xy[:-1])
+        low = np.minimum(xy[1:], xy[:-1])
+        high = np.maximum(xy[1:], xy[:-1])
         touches = ((high >= (west, south)) & (low <= (east, north))).all(axis=1)
         # One more segment on either side, so that corners look the same from every tile.
         kept = np.convolve(touches, [1, 1, 1])[1:-1] > 0

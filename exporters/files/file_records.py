@@ -30,9 +30,11 @@ def rooted_records(rooted: Sequence[tuple[Path, Path]], progress: Progress = sil
     """Hash files of which each has its own root; otherwise as :func:`file_records`."""
     records = []
     files = [(file, root) for path, root in rooted for file in (files_in(path) if path.is_dir() else [path])]
-    total, done = sum(file.stat().st_size for file, _ in files), 0
+    total = sum(file.stat().st_size for file, _ in files)
+    done = 0
     for path, root in files:
-        digest, begun = hashlib.sha256(), done
+        digest = hashlib.sha256()
+        begun = done
         with open_plain(path) as stream:
             while block := stream.read(_HASHED_BYTES):
                 digest.update(block)

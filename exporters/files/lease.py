@@ -145,7 +145,8 @@ def _is_alive(lease: Path) -> bool:
 
 def _beats(lease: Path) -> bool:
     """Whether the heartbeat of a lease changes within MAX_SILENCE_S."""
-    first, until = read_small(lease / _HEARTBEAT), time.monotonic() + MAX_SILENCE_S
+    first = read_small(lease / _HEARTBEAT)
+    until = time.monotonic() + MAX_SILENCE_S
     while lease.is_dir() and time.monotonic() < until:
         time.sleep(_POLL_S)
         if read_small(lease / _HEARTBEAT) != first:

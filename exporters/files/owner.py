@@ -66,7 +66,8 @@ def machine() -> str:
     known = [platform.node()]
     if sys.platform == "linux":
         with suppress(OSError):
-            boot, numbers = Path("/proc/sys/kernel/random/boot_id"), Path("/proc/self/ns/pid")
+            boot = Path("/proc/sys/kernel/random/boot_id")
+            numbers = Path("/proc/self/ns/pid")
             known += [boot.read_text("ascii"), str(numbers.readlink())]
     return hashlib.sha256("\n".join(known).encode()).hexdigest()[:8]
 

@@ -188,7 +188,9 @@ class _Statistics:
     """Statistics of a band, which GDAL and QGIS use instead of reading all of it."""
 
     def __init__(self) -> None:
-        self._count, self._sum, self._square = 0, 0.0, 0.0
+        self._count = 0
+        self._sum = 0.0
+        self._square = 0.0
         self._base = self._least = self._greatest = math.nan
 
     def add(self, values: NDArray[Any]) -> None:

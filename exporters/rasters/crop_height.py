@@ -35,7 +35,8 @@ class CropHeights:
         row, column = np.nonzero(canopy.net & np.isfinite(canopy.top_m))
         if not len(row):
             return
-        east, south = canopy.grid.west + column, row - canopy.grid.north
+        east = canopy.grid.west + column
+        south = row - canopy.grid.north
         pixels = np.empty(len(row), _PIXEL)
         pixels["place"] = (south % _SIDE) * _SIDE + east % _SIDE
         pixels["height_m"] = canopy.top_m[row, column]
@@ -46,8 +47,10 @@ class CropHeights:
         tiles = [(key, *square_of(key)) for key in self._spool.counts]
         if not tiles:
             return False
-        west, north = min(t[1] for t in tiles), min(t[2] for t in tiles)
-        columns, rows = max(t[1] for t in tiles) + 1 - west, max(t[2] for t in tiles) + 1 - north
+        west = min(t[1] for t in tiles)
+        north = min(t[2] for t in tiles)
+        columns = max(t[1] for t in tiles) + 1 - west
+        rows = max(t[2] for t in tiles) + 1 - north
         whole = Grid(CROP_PIXEL_M, west * _SIDE, -north * _SIDE, (rows * _SIDE, columns * _SIDE))
         with cog_output(path, whole, crs, CROP_BANDS, origin) as put:
             for key, column, row in tiles:

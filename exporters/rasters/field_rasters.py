@@ -112,7 +112,10 @@ def write_rasters(
     if found.strips:
         kinds |= {DENSITY: (blocks, DENSITY_BANDS), STRIP_OVERLAP: (blocks, OVERLAP_BANDS)}
     crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
-    sums, swaths, outlines, seen = SoilSums(), SwathSums(), StripOutlines(), 0
+    sums = SoilSums()
+    swaths = SwathSums()
+    outlines = StripOutlines()
+    seen = 0
     implement = found.session.implement
     edges = None
     if passages and implement is not None:

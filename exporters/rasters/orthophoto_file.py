@@ -54,7 +54,9 @@ def write_orthophoto(
     """
     covered = 0
     with open_geotiff(surface, _unusable, with_heights=False) as heights:
-        cell_m, west, north = heights.transform.a, heights.transform.c, heights.transform.f
+        cell_m = heights.transform.a
+        west = heights.transform.c
+        north = heights.transform.f
         grid = Grid(cell_m, round(west / cell_m), round(north / cell_m), (heights.height, heights.width))
         finer = colours.pixels_a_cell(cell_m)
         whole = Grid(cell_m / finer, grid.west * finer, grid.north * finer, (grid.rows * finer, grid.columns * finer))

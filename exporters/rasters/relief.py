@@ -36,11 +36,13 @@ def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> 
         x, y, z = (np.asarray(axis, np.float64) for axis in (points.x, points.y, points.z))
     if not len(x):
         return None
-    width_m, height_m = east - west, north - south
+    width_m = east - west
+    height_m = north - south
     cell_m = max(
         np.sqrt(POINTS_PER_RELIEF_CELL * width_m * height_m / len(x)), max(width_m, height_m) / MAX_RELIEF_SIDE
     )
-    columns, rows = max(2, round(width_m / cell_m)), max(2, round(height_m / cell_m))
+    columns = max(2, round(width_m / cell_m))
+    rows = max(2, round(height_m / cell_m))
     column = np.clip(((x - west) * (columns / width_m)).astype(np.intp), 0, columns - 1)
     row = np.clip(((north - y) * (rows / height_m)).astype(np.intp), 0, rows - 1)
     lowest = _lowest(row * columns + column, z, rows * columns).reshape(rows, columns)

@@ -188,7 +188,8 @@ def ground_pairs(one: OpenSurface, other: OpenSurface, touched: BaseGeometry) ->
     for row, column in (corners[k] for k in tried):
         shape = min(PIECE_CELLS, shared.rows - row), min(PIECE_CELLS, shared.columns - column)
         piece = Grid(shared.cell_m, shared.west + column, shared.north - row, shape)
-        first, second = one.read(piece), other.read(piece)
+        first = one.read(piece)
+        second = other.read(piece)
         off = cells_inside(touched, piece, touched=True)
         first[off] = second[off] = np.nan
         if (np.isfinite(first) & np.isfinite(second)).any() and count < MAX_PIECES:
@@ -252,7 +253,9 @@ def write_change(
     grid = shared_cells(one.surface.grid, other.surface.grid)
     if grid is None:
         return None
-    sums, places, calm = ChangeSums(), [np.zeros((0, 2))], [np.zeros(0, np.float32)]
+    sums = ChangeSums()
+    places = [np.zeros((0, 2))]
+    calm = [np.zeros(0, np.float32)]
     with cog_output(path, grid, crs, CHANGE_BANDS, origin) as put:
         for part, _ in windows(grid, 0):
             first = one.heights(part)
@@ -260,10 +263,8 @@ def write_change(
             error = np.hypot(other.surface.read(part, ERROR_INDEX), one.surface.read(part, ERROR_INDEX))
             put(part, (change, np.where(np.isfinite(change), error, np.float32(np.nan))))
             relief = np.hypot(other.surface.read(part, SPREAD_INDEX), one.surface.read(part, SPREAD_INDEX))
-            now, again = (
-                cells_inside(worked, part, touched=False),
-                cells_inside(before, part, touched=False),
-            )
+            now = cells_inside(worked, part, touched=False)
+            again = cells_inside(before, part, touched=False)
             sums.add(now * (1 + again), change, error, relief, first, one.surface.read(part, RETURNS_INDEX))
             places.append(part.positions_m()[(now & np.isfinite(change)).ravel()][::20])
             still = np.isfinite(change) & ~cells_inside(touched, part, touched=True)

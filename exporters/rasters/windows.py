@@ -20,9 +20,12 @@ def windows(grid: Grid, margin: int, side: int | None = None) -> Iterator[tuple[
     side = side or WINDOW_CELLS
     for row in range(0, grid.rows, side):
         for column in range(0, grid.columns, side):
-            rows, columns = min(side, grid.rows - row), min(side, grid.columns - column)
-            top, left = max(0, row - margin), max(0, column - margin)
-            bottom, right = min(grid.rows, row + rows + margin), min(grid.columns, column + columns + margin)
+            rows = min(side, grid.rows - row)
+            columns = min(side, grid.columns - column)
+            top = max(0, row - margin)
+            left = max(0, column - margin)
+            bottom = min(grid.rows, row + rows + margin)
+            right = min(grid.columns, column + columns + margin)
             inner = Grid(grid.cell_m, grid.west + column, grid.north - row, (rows, columns))
             yield inner, Grid(grid.cell_m, grid.west + left, grid.north - top, (bottom - top, right - left))
 
@@ -46,9 +49,12 @@ def is_last(inner: Grid, whole: Grid) -> tuple[bool, bool]:
 def plots_of(inner: Grid, plots: Grid, last: tuple[bool, bool]) -> Grid | None:
     """The plots whose north-west corner lies in a window, so that each belongs to one; None for no plot."""
     cell = inner.cell_m / plots.cell_m
-    west, east = np.floor(inner.west * cell), np.floor((inner.west + inner.columns) * cell)
-    north, south = np.ceil(inner.north * cell), np.ceil((inner.north - inner.rows) * cell)
-    west, north = max(int(west), plots.west), min(int(north), plots.north)
+    west = np.floor(inner.west * cell)
+    east = np.floor((inner.west + inner.columns) * cell)
+    north = np.ceil(inner.north * cell)
+    south = np.ceil((inner.north - inner.rows) * cell)
+    west = max(int(west), plots.west)
+    north = min(int(north), plots.north)
     east = plots.west + plots.columns if last[1] else int(east)
     south = plots.north - plots.rows if last[0] else int(south)
     return Grid(plots.cell_m, west, north, (north - south, east - west)) if north > south and east > west else None
@@ -58,7 +64,8 @@ def shared_cells(one: Grid, other: Grid) -> Grid | None:
     """The cells that two grids share, None for no cell; ValueError if their cells have different sizes."""
     if one.cell_m != other.cell_m:
         raise ValueError(f"cells of {one.cell_m} m and cells of {other.cell_m} m")
-    west, north = max(one.west, other.west), min(one.north, other.north)
+    west = max(one.west, other.west)
+    north = min(one.north, other.north)
     east = min(one.west + one.columns, other.west + other.columns)
     south = max(one.north - one.rows, other.north - other.rows)
     return Grid(one.cell_m, west, north, (north - south, east - west)) if north > south and east > west else None
@@ -66,6 +73,7 @@ def shared_cells(one: Grid, other: Grid) -> Grid | None:
 
 def enclosing(grids: Sequence[Grid]) -> Grid:
     """The smallest grid that covers several with cells of one size; InputError if it has too many cells."""
-    west, north = min(grid.west for grid in grids), max(grid.north for grid in grids)
+    west = min(grid.west for grid in grids)
+    north = max(grid.north for grid in grids)
     rows = north - min(grid.north - grid.rows for grid in grids)
     return Grid(grids[0].cell_m, west, north, (rows, max(grid.west + grid.columns for grid in grids) - west))

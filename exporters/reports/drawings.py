@@ -149,7 +149,8 @@ ACTIVITIES: Final = {
 def activities(poses: ScanPoses, work: FieldWork) -> NDArray[np.int8]:
     """The number of the activity in :data:`ACTIVITIES` at each scan (n,): by motion, and the state of the tool."""
     state = work.states.at(poses.t_s)[0] if work.states is not None else np.full(len(poses), ToolState.UNKNOWN)
-    forward, back = poses.motion == Motion.FORWARD, poses.motion == Motion.REVERSE
+    forward = poses.motion == Motion.FORWARD
+    back = poses.motion == Motion.REVERSE
     chosen = [forward & (state == ToolState.DOWN), back | (forward & (state == ToolState.UP)), ~forward & ~back]
     found: NDArray[np.int8] = np.select(chosen, [0, 1, 2], 3).astype(np.int8)
     return found
@@ -167,7 +168,8 @@ def activity_graph(poses: ScanPoses, work: FieldWork) -> Markup:
     parts = []
     for first, behind in pairwise(cuts.tolist()):
         last = behind - 1 if pause[behind - 1] else behind
-        left, right = float(time.at(poses.t_s[first])), float(time.at(poses.t_s[last]))
+        left = float(time.at(poses.t_s[first]))
+        right = float(time.at(poses.t_s[last]))
         y = 4.0 + 18.0 * rows.index(int(seen[first]))
         parts.append(rectangle(left, y, max(right, left + 0.3), y + 14.0, fill=colours[int(seen[first])]))
     bottom = 6.0 + 18.0 * len(rows)
@@ -200,10 +202,13 @@ def half_width_m(swaths: SwathDifferences) -> float:
 
 def swath_histogram(swaths: SwathDifferences, reach_m: float | None = None) -> Markup:
     """Share of the ground by height difference; the outermost bars, at `reach_m`, include all larger differences."""
-    top, bottom, left = 18.0, 150.0, 74.0
+    top = 18.0
+    bottom = 150.0
+    left = 74.0
     reach_m = half_width_m(swaths) if reach_m is None else reach_m
     bins = round(reach_m / BIN_M)
-    low, high = BINS - bins, BINS + bins
+    low = BINS - bins
+    high = BINS + bins
     count = swaths.histogram[low:high].astype(np.float64)
     count[0] += swaths.histogram[:low].sum()
     count[-1] += swaths.histogram[high:].sum()
@@ -241,7 +246,8 @@ def _runs(poses: ScanPoses, values: NDArray[np.int8]) -> list[tuple[int, FloatAr
         return []
     pause = _pauses(poses)
     cuts = 1 + np.flatnonzero(pause | (np.diff(values) != 0))
-    firsts, ends = np.append(0, cuts), np.append(cuts, len(poses))
+    firsts = np.append(0, cuts)
+    ends = np.append(cuts, len(poses))
     reach = [end + int(end < len(poses) and not pause[end - 1]) for end in ends.tolist()]
     return [(int(values[a]), poses.xyz_m[a:b, :2]) for a, b in zip(firsts.tolist(), reach, strict=True)]
 
@@ -287,7 +293,8 @@ def _view(tree: FrameTree, title: str, top: float) -> list[str]:
     fixed = [frame for frame in tree.frames if frame.name == BASE or _is_fixed(tree, frame.name)]
     poses = [tree.between(frame.name, BASE) for frame in fixed]
     places = np.array([pose.xyz_m for pose in poses])[:, axes]
-    low, high = places.min(axis=0), places.max(axis=0)
+    low = places.min(axis=0)
+    high = places.max(axis=0)
     room = np.array(
         [SHEET_WIDTH - 2 * VIEW_MARGIN - 2 * AXIS_LENGTH - 100.0, VIEW_HEIGHT - VIEW_MARGIN - 2 * AXIS_LENGTH]
     )

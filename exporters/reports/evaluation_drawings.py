@@ -63,7 +63,8 @@ def error_graph(evaluations: Mapping[str, Evaluation], title: str, colours: Mapp
 
 def track_map(found: Evaluation) -> Markup:
     """The track of a log by its kinds of fix over that of the reference."""
-    test, reference = found.matched.test_m[:, :2], found.matched.reference_m[:, :2]
+    test = found.matched.test_m[:, :2]
+    reference = found.matched.reference_m[:, :2]
     sheet = _sheet(np.concatenate([test, reference]))
     parts = [sheet.line(reference[a:b], "way") for a, b in pairwise(found.matched.unbroken) if b - a > 1]
     edges = _edges(found)
@@ -78,7 +79,8 @@ def track_map(found: Evaluation) -> Markup:
 def services_map(evaluations: Mapping[str, Evaluation], colours: Mapping[str, str]) -> Markup:
     """The tracks of several services over that of the reference."""
     first = next(iter(evaluations.values()))
-    lon, lat = float(first.lon_deg[0]), float(first.lat_deg[0])
+    lon = float(first.lon_deg[0])
+    lat = float(first.lat_deg[0])
     scale = np.radians(1.0) * SEMI_MAJOR_M * np.array([math.cos(math.radians(lat)), 1.0])
     tracks = {
         name: np.column_stack([unwrapped_deg(found.lon_deg, lon) - lon, found.lat_deg - lat]) * scale

@@ -54,7 +54,8 @@ def write_table(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
 
 
 def _figures(found: Evaluation) -> dict[str, Any]:
-    matched, log = found.matched, found.continuity
+    matched = found.matched
+    log = found.continuity
     return {
         "test": {"file": found.test, "service": found.service or None},
         "reference": {
@@ -110,7 +111,8 @@ def write_epochs(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
 
 
 def _epochs(found: Evaluation) -> Iterator[list[Any]]:
-    matched, error = found.matched, found.matched.error_m
+    matched = found.matched
+    error = found.matched.error_m
     lengths = np.column_stack([error, np.hypot(error[:, 0], error[:, 1]), np.sqrt(np.sum(error**2, axis=1)),
                                matched.along_m, matched.across_m, matched.speed_mps])  # fmt: skip
     labels = {int(fix): fix.label for fix in Fix}

@@ -70,7 +70,8 @@ def write_pdf(path: Path, page: str) -> None:
         raise RefusedError("browser-missing")
     confined = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # root cannot have one
     with scratch_directory() as folder, atomic_output(path) as unfinished:
-        source, printed = Path(folder, "page.html"), Path(folder, "page.pdf")
+        source = Path(folder, "page.html")
+        printed = Path(folder, "page.pdf")
         with writing_scratch():
             source.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
         arguments = [

@@ -40,7 +40,8 @@ _STEPS_DEG: Final = (1, 2, 5, 10, 15, 20, 30, 45, 60, 90)
 
 def range_images(seen: SeenImplement) -> Iterator[tuple[str, Markup]]:
     """The implement up and down, and what does not move in the scanner's frame: captions and images."""
-    images, still_m = seen.images, seen.region.still_m
+    images = seen.images
+    still_m = seen.region.still_m
     around_deg = (np.arange(still_m.shape[1]) + 0.5) * (360.0 / still_m.shape[1])
     for text, range_m, azimuth_deg, shown in (
         ("The implement lifted", images.up_m, images.azimuth_deg, images.implement),
@@ -67,7 +68,8 @@ def range_image(
     ]
     parts.append(turned_label("laser", 0.5 * (TOP + BOTTOM)))
     half_deg = 0.5 * float(azimuth_deg[-1] - azimuth_deg[0]) / max(columns - 1, 1)
-    first, last = float(azimuth_deg[0]) - half_deg, float(azimuth_deg[-1]) + half_deg
+    first = float(azimuth_deg[0]) - half_deg
+    last = float(azimuth_deg[-1]) + half_deg
     step = next((s for s in _STEPS_DEG if (last - first) / s <= MAX_TICKS), _STEPS_DEG[-1])
     marks = np.arange(np.ceil(first / step - 1e-6) * step, last + 1e-6, step)
     places = (LEFT + (marks - first) / max(last - first, 1e-9) * (WIDTH - LEFT)).tolist()
@@ -80,7 +82,9 @@ def range_image(
     parts.append(label(LEFT, BOTTOM + 36, "azimuth"))
     low, high = range_limits_m(range_m, shown)
     if np.isfinite(low):
-        left, right, y = WIDTH - 250.0, WIDTH - 110.0, BOTTOM + 26.0
+        left = WIDTH - 250.0
+        right = WIDTH - 110.0
+        y = BOTTOM + 26.0
         colours = _colours(np.linspace(0.0, 1.0, 64))[None].astype(np.uint8)
         parts.append(label(left - 6, y + 10, f"range {low:.1f} m", "right"))
         parts.append(image(left, y, right, y + 11, colours))
@@ -139,7 +143,8 @@ def write_page(
         response: of their heights to a dose; None where they have none.
         features: numbers of planes, lines and plants; None where they were not looked for.
     """
-    poses, work = found.placement.poses, found.work
+    poses = found.placement.poses
+    work = found.work
     box_m = drawings.map_box(poses, work)
     said = verdict(found)
     east, north, up, roll, pitch, heading = (_median(column) for column in poses.sigma.T)
@@ -239,7 +244,8 @@ def parcel_sections(found: Sequence[MeasuredParcel], response: Response | None =
         parts.append(sheet.area(row.parcel.net, "pass", fill=colour(height_m)))
     if len(found) <= MAX_NAMED_PARCELS:
         parts += [sheet.text(row.parcel.net.representative_point(), row.parcel.id) for row in found]
-    parcels, chart = [row.parcel for row in found], None
+    parcels = [row.parcel for row in found]
+    chart = None
     if response is not None and (name := dose_name(parcels)) is not None:
         blocks = [parcel.block or "" for parcel in parcels]
         values = ParcelValues(heights_m, blocks, column_words("mean_height_m"), "block")

@@ -206,7 +206,8 @@ def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:
 
 def run_origin(found: RunResult, inputs: Sequence[FileRecord]) -> Origin:
     """Provenance of the products of a run."""
-    frame, session = found.frame, found.session
+    frame = found.frame
+    session = found.session
     parameters = {"coordinates": session.crs.coordinates, "heights": frame.heights.name}
     if frame.heights.vertical is not None:
         parameters["geoid"] = frame.heights.source
@@ -275,7 +276,8 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
 
 def scanners(found: RunResult) -> list[dict[str, Any]]:
     """Name, files, number of scans and of points in the cloud of each scanner; in whose scans the implement is seen."""
-    placement, seeing = found.placement, found.work.scanner if found.work.seen is not None else None
+    placement = found.placement
+    seeing = found.work.scanner if found.work.seen is not None else None
     lidars = found.session.lidars if placement.scans_of else ()  # positions alone have none
     return [
         {"name": lidar.name, "files": list(lidar.files), "scans": n, "points": points, "shows_implement": k == seeing}
@@ -290,7 +292,9 @@ def points_by_class(cloud: CopcSummary) -> dict[str, int]:
 
 def _implement(work: FieldWork) -> dict[str, Any] | None:
     """Figures of the implement; None where its states are unknown."""
-    history, states, agreed = work.history, work.states, work.state_comparison
+    history = work.history
+    states = work.states
+    agreed = work.state_comparison
     if states is None:
         return None
     length_s = states.end_s - states.begin_s
@@ -330,7 +334,8 @@ def _worked(ground: WorkedGround | None) -> dict[str, Any]:
     """Figures of the worked ground; none where work is unknown."""
     if ground is None:
         return {}
-    worked, hours = ground.figures, ground.figures.hours
+    worked = ground.figures
+    hours = ground.figures.hours
     zones = {
         kind: sum(zone.area.grid_m2 for zone in ground.zones if zone.kind == kind) for kind in ("headland", "body")
     }
@@ -397,14 +402,18 @@ def _observability(found: RunResult) -> dict[str, Any]:
 
 def _clocks(found: RunResult) -> dict[str, Any]:
     """First and last time by each clock, and their offset: stated, estimated, used."""
-    stated_s, estimate, used_s = found.session.recording.lidar_minus_gnss_s, None, 0.0
+    stated_s = found.session.recording.lidar_minus_gnss_s
+    estimate = None
+    used_s = 0.0
     if found.matched is not None:
-        constants, used_s = found.matched.seen.constants, found.matched.clock_used_s
+        constants = found.matched.seen.constants
+        used_s = found.matched.clock_used_s
         if math.isfinite(constants.clock_sigma_s):
             estimate = [round(stated_s + used_s + constants.clock_s, 4), round(constants.clock_sigma_s, 4)]
     if found.boresight is not None and found.boresight.certain:
         used_s -= found.boresight.clock_used_s
-    track, inertial = found.located.trajectory.t_s, found.located.inertial
+    track = found.located.trajectory.t_s
+    inertial = found.located.inertial
     return {
         "lidar": [
             {"clock": c.clock, "first": iso_utc(c.first_s), "last": iso_utc(c.last_s), "note": c.note}

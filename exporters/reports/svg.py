@@ -112,7 +112,9 @@ class Sheet:
         width, height = self.size
         length_m = _round_step(0.25 * width / self.scale)
         whole = max(width, MIN_STRIP)
-        y, x, arrow = height + 0.6 * SCALE_STRIP, 12.0 + length_m * self.scale, whole - 36.0
+        y = height + 0.6 * SCALE_STRIP
+        x = 12.0 + length_m * self.scale
+        arrow = whole - 36.0
         frame = (
             element("path", class_="bar", d=f"M12 {y:.1f}H{x:.1f}"),
             label(x + 8, y + 4, f"{length_m:g} m"),

@@ -20,10 +20,15 @@ from furrowmap.exporters.reports.svg import WIDTH, Axis, Number, corners, drawin
 CHART_HEIGHT: Final = 400.0
 GROUP_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#444444")
 """Okabe and Ito (2008), which all readers can tell apart, without yellow."""
-_LEFT, _RIGHT, _TOP, _BOTTOM = 74.0, WIDTH - 14.0, 34.0, 320.0
+_LEFT = 74.0
+_RIGHT = WIDTH - 14.0
+_TOP = 34.0
+_BOTTOM = 320.0
 _KEYS: Final = (6.0, 150.0, 275.0)
 """Where the keys of a curve begin: with room for their words in every language."""
-_INK, _PALE, _GREEN = "#333333", "#dddddd", "#009e73"
+_INK = "#333333"
+_PALE = "#dddddd"
+_GREEN = "#009e73"
 _TICK_STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
@@ -48,7 +53,8 @@ def standalone(svg: str, language: str = ENGLISH) -> str:
 def response_chart(dose: FloatArray, points: ParcelValues, response: Response, dose_name: str) -> Markup:
     """Parcels over their dose, coloured by block; curve, 95 % band, and the rate beyond which nothing is gained."""
     known = np.isfinite(dose) & np.isfinite(points.value)
-    low, high = float(dose[known].min(initial=0.0)), float(dose[known].max(initial=0.0))
+    low = float(dose[known].min(initial=0.0))
+    high = float(dose[known].max(initial=0.0))
     high = high if high > low else 1.0
     x = Axis(low - 0.03 * (high - low), high + 0.03 * (high - low), _LEFT, _RIGHT)
     curve = response.curve
@@ -75,7 +81,8 @@ def response_chart(dose: FloatArray, points: ParcelValues, response: Response, d
 
 def _curve_legend(*, plateau: bool) -> Iterable[str]:
     """What line, band and dashes are, below the axis."""
-    y, keys = CHART_HEIGHT - 12.0, [("logistic curve", _INK, {}), ("its 95 % band", "#999999", {"opacity": "0.5"})]
+    y = CHART_HEIGHT - 12.0
+    keys = [("logistic curve", _INK, {}), ("its 95 % band", "#999999", {"opacity": "0.5"})]
     if plateau:
         keys.append(("rate beyond which nothing is gained, 95 %", _GREEN, {"stroke_dasharray": "5 4"}))
     for at, (words, colour, look) in zip(_KEYS, keys, strict=False):
@@ -96,7 +103,8 @@ def category_chart(
     middle = {name: _LEFT + (k + 0.5) * step for k, name in enumerate(names)}
     below = _BOTTOM + 16
     for name, mean, low, high in means:
-        at, half = middle[name], min(12.0, 0.3 * step)
+        at = middle[name]
+        half = min(12.0, 0.3 * step)
         parts.append(segment(at, y.at(low), at, y.at(high), stroke=_INK, stroke_width=2))
         parts.append(segment(at - half, y.at(mean), at + half, y.at(mean), stroke=_INK, stroke_width=3))
         turn = {"transform": f"rotate(-40 {at:.1f} {below:.1f})"} if step < 44.0 else {}
@@ -149,5 +157,6 @@ def _round_values(low: float, high: float) -> list[float]:
     rough = (high - low) / 5.0
     power = 10.0 ** np.floor(np.log10(rough)) if rough > 0.0 else 1.0
     step = min((each * power for each in _TICK_STEPS if each * power >= rough * (1 - 1e-9)), default=1.0)
-    first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
+    first = int(np.ceil(low / step - 1e-9))
+    last = int(np.floor(high / step + 1e-9))
     return [float(k * step) for k in range(first, last + 1)]

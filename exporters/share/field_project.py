@@ -66,7 +66,8 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         kind = str(about["geometry_type"])
         source = f"./{FIELD}|layername={name}"
         title = _in(language, SHARED_LAYERS.get(name, name.replace("_", " ")))
-        style, fields = None, about["fields"].tolist()
+        style = None
+        fields = about["fields"].tolist()
         if f"{name}.qml" in packaged_styles():
             style = finished_style(packaged_style(f"{name}.qml"), language, [clock], tools="tool" in fields)
             style = with_words(style, fields, language, report=False)
@@ -97,7 +98,9 @@ def _copy(result: ResultFolder, name: str, staging: Path) -> None:
         shutil.copyfile(source, staging / name)
         return
     with open_geotiff(source, lambda file, fault: unreadable(file, ValueError(fault)), with_heights=False) as raster:
-        cell_m, west, north = raster.transform.a, raster.transform.c, raster.transform.f
+        cell_m = raster.transform.a
+        west = raster.transform.c
+        north = raster.transform.f
         grid = Grid(cell_m, round(west / cell_m), round(north / cell_m), raster.shape)
         crs = CRS.from_wkt(raster.crs.to_wkt())
         with cog_output(staging / name, grid, crs, (Band(str(raster.descriptions[0])),), result.origin) as write:

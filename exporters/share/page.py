@@ -123,7 +123,8 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
     bundle = files("furrowmap.exporters.share").joinpath("bundle")
     if not all(bundle.joinpath(name).is_file() for name in SCRIPTS):
         raise RefusedError("no-web-bundle")
-    report, zone = result.report, result.zone
+    report = result.report
+    zone = result.zone
     verdict = report.get("verdict") or {}
     layers, extent, crs = _layers(result, zone)
     pictures = []
@@ -166,7 +167,9 @@ def _write_script(path: Path, name: str, content: Any) -> None:
 
 def _layers(result: ResultFolder, zone: ZoneInfo) -> tuple[list[dict[str, Any]], Box, CRS]:
     """The vector layers, the topmost first; the bounds of all, with a margin; their CRS."""
-    found, boxes, crs = [], [], None
+    found = []
+    boxes = []
+    crs = None
     for name in result.layer_names:
         layer = result.layer(name)
         shared = shared_layer(name, layer, zone, alone=len(result.layer_names) == 1)
@@ -175,7 +178,8 @@ def _layers(result: ResultFolder, zone: ZoneInfo) -> tuple[list[dict[str, Any]],
             found.append(shared)
             boxes.append(layer.bounds)
     assert crs is not None
-    lows, highs = [min(box[i] for box in boxes) for i in (0, 1)], [max(box[i] for box in boxes) for i in (2, 3)]
+    lows = [min(box[i] for box in boxes) for i in (0, 1)]
+    highs = [max(box[i] for box in boxes) for i in (2, 3)]
     box = (lows[0] - EXTENT_MARGIN_M, lows[1] - EXTENT_MARGIN_M, highs[0] + EXTENT_MARGIN_M, highs[1] + EXTENT_MARGIN_M)
     return found, box, CRS.from_user_input(crs).to_2d()
 
@@ -218,7 +222,8 @@ def _write_points(staging: Path, result: ResultFolder, extent: Box) -> dict[str,
 
 def _when(report: dict[str, Any], zone: ZoneInfo) -> str:
     begin_s, end_s = (moment_s(report["figures"][key]) for key in ("start", "end"))
-    begin, end = local_time(begin_s, zone), local_time(end_s, zone)
+    begin = local_time(begin_s, zone)
+    end = local_time(end_s, zone)
     later = "" if end.date() == begin.date() else f"{end:%Y-%m-%d} "
     return f"{begin:%Y-%m-%d %H:%M:%S} – {later}{end:%H:%M:%S} ({zone_words(begin_s, zone)})"
 

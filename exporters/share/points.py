@@ -45,7 +45,8 @@ class SharedPoints:
 
     def plain(self, box: Box) -> dict[str, Any]:
         """What the page's viewer reads; colours of heights and the first view are those within a box."""
-        low, high = self.xyz_m.min(axis=0), self.xyz_m.max(axis=0)
+        low = self.xyz_m.min(axis=0)
+        high = self.xyz_m.max(axis=0)
         high = np.maximum(high, low + 1e-3)
         steps = np.round((self.xyz_m - low) / (high - low) * COORDINATE_STEPS).astype("<u2")
         x, y, z = self.xyz_m.T
@@ -92,7 +93,8 @@ def _resolution(cloud: CloudFile, most: int) -> tuple[float | None, int]:
     """The coarsest resolution with enough points, and how many those are; None for all points."""
     if cloud.index is None or cloud.laz is None:
         return None, cloud.points
-    level, points = cloud.index.keys[:, 0], np.asarray(cloud.laz.points)[cloud.index.chunks]
+    level = cloud.index.keys[:, 0]
+    points = np.asarray(cloud.laz.points)[cloud.index.chunks]
     upto = np.cumsum(np.bincount(level, points))
     enough = min(int(np.searchsorted(upto, most)), len(upto) - 1)
     return cloud.index.spacing / 2.0**enough, int(upto[enough])

@@ -72,7 +72,8 @@ def write_table(folder: Path, rows: Sequence[Row]) -> None:
 
 
 def _cells(row: Row) -> list[object]:
-    outcome, figures = row.outcome, row.outcome.figures
+    outcome = row.outcome
+    figures = row.outcome.figures
     failure = (outcome.failure.code, " ".join(outcome.failure.lines)) if outcome.failure is not None else ("", "")
     values = [row.name, row.status, figures.get("session"), row.field]
     values += [figures.get(name) for name in (*BATCH_FIGURES, "warnings")]

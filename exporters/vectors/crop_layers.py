@@ -164,6 +164,7 @@ def write_parcels(path: Path, parcels: Sequence[Parcel], crs: CRS) -> None:
             return
         change = Transformer.from_crs(crs, (crs.geodetic_crs or crs).to_2d(), always_xy=True)
         degrees = shapely.transform(shapes, lambda xy: np.column_stack(change.transform(*xy.T)))
-        content, layer = io.BytesIO(), VectorLayer(degrees, columns, CRS("EPSG:4326"))
+        content = io.BytesIO()
+        layer = VectorLayer(degrees, columns, CRS("EPSG:4326"))
         write_vector_layer(content, layer, _PLOTS, "GeoJSON", COORDINATE_PRECISION=_CORNER_DIGITS)
         unfinished.write_bytes(content.getbuffer())

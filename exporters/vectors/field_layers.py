@@ -187,7 +187,9 @@ def _trajectory_columns(poses: ScanPoses, work: FieldWork) -> Columns:
 def _tool_columns(poses: ScanPoses, work: FieldWork) -> Columns:
     """A tool over the scans."""
     n = len(poses)
-    state, confidence, height = np.full(n, ToolState.UNKNOWN, np.int8), np.zeros(n), np.full(n, np.nan)
+    state = np.full(n, ToolState.UNKNOWN, np.int8)
+    confidence = np.zeros(n)
+    height = np.full(n, np.nan)
     history = work.history
     if history is not None:
         row = np.searchsorted(0.5 * (history.t_s[1:] + history.t_s[:-1]), poses.t_s)

@@ -160,7 +160,8 @@ def write_styles(
         clock: of the times in map tips; None for UTC.
         of_run: add words and actions for the tables of a run's layers.
     """
-    own, packaged = language_of_user(), packaged_styles()
+    own = language_of_user()
+    packaged = packaged_styles()
     clocks = [clock] if clock is not None else []
     for language in (own, *(other for other in LANGUAGES if other != own)):
         styles = {

@@ -231,11 +231,13 @@ def offset_at(zone: ZoneInfo, t_s: float) -> int:
 def offset_changes(zone: ZoneInfo, first_s: float, last_s: float) -> list[tuple[int, int]]:
     """Changes of a zone's offset within a span: (UTC of the change, seconds ahead of UTC from then on)."""
     changes = []
-    day, offset = first_s, offset_at(zone, first_s)
+    day = first_s
+    offset = offset_at(zone, first_s)
     while day < last_s:
         later = min(day + 86_400.0, last_s)
         if (after := offset_at(zone, later)) != offset:
-            low, high = int(day), int(later) + 1
+            low = int(day)
+            high = int(later) + 1
             while high - low > 1:
                 middle = (low + high) // 2
                 low, high = (middle, high) if offset_at(zone, middle) == offset else (low, middle)

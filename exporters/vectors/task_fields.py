@@ -34,7 +34,8 @@ TASK_FIGURES: Final = (
 
 def task_figures(work: TaskWork) -> dict[str, Any]:
     """The figures of a task; None where unknown."""
-    task, ground = work.task, work.work.ground
+    task = work.task
+    ground = work.work.ground
     figures = ground.figures if ground is not None else None
     row: dict[str, Any] = {
         "task": task.id,
@@ -70,7 +71,8 @@ def write_fields(path: Path, works: TaskWorks) -> None:
     by_name: dict[str, list[Layer]] = {}
     for work in works.works:
         for layer in field_layers(ScanPoses.at_knots(work.course.trajectory), work.work):
-            n, field = len(layer.shapes), work.task.field.name if work.task.field is not None else ""
+            n = len(layer.shapes)
+            field = work.task.field.name if work.task.field is not None else ""
             own = {"task": np.full(n, work.task.id, object), "field": np.full(n, field, object)}
             by_name.setdefault(layer.name, []).append(replace(layer, columns=own | layer.columns))
     order = sorted(by_name, key=lambda name: name == "trajectory")  # which comes first where nothing was worked

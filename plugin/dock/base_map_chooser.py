@@ -100,7 +100,8 @@ class BaseMapChooser(QWidget):
     def end(self) -> None:
         """Cancel a request, before the plugin is unloaded."""
         self._again.stop()
-        fetcher, self._fetcher = self._fetcher, None
+        fetcher = self._fetcher
+        self._fetcher = None
         if fetcher is not None:
             fetcher.cancel()
 

@@ -71,7 +71,10 @@ class FurrowmapDock(QgsDockWidget):
         self._player: Replay | None = None
         self._folder = self._session = Path()
         self._from_drives = False
-        self.start, self.session, self.run, self.result = StartPage(), SessionPage(), RunPage(), ResultPage()
+        self.start = StartPage()
+        self.session = SessionPage()
+        self.run = RunPage()
+        self.result = ResultPage()
         self.drives = BatchPage()
         self.pages = QStackedWidget()
         for page in (self.start, self.session, self.run, self.result, self.drives):
@@ -160,7 +163,8 @@ class FurrowmapDock(QgsDockWidget):
 
     def _offer_surfaces(self, clouds: Sequence[Path]) -> None:
         """Show finished clouds, which have no session, and offer what can be made of them."""
-        bar, names = self._iface.messageBar(), ", ".join(path.name for path in clouds)
+        bar = self._iface.messageBar()
+        names = ", ".join(path.name for path in clouds)
         made = (
             QgsPointCloudLayer(str(p), p.stem, "copc" if p.name.lower().endswith(".copc.laz") else "pdal")
             for p in clouds
@@ -375,7 +379,8 @@ class FurrowmapDock(QgsDockWidget):
         if self._program() is None:
             return
         self.previewer.cancel()
-        self._session, self._folder = session, folder or folder_for(session)
+        self._session = session
+        self._folder = folder or folder_for(session)
         self.start.remember(session)
         name = (self.session.name.text() if self._in_form() else "") or session.parent.name
         self.run.begin(self.tr("Running {name}").format(name=html.escape(name)))
@@ -441,7 +446,8 @@ class FurrowmapDock(QgsDockWidget):
         self.previewer.end()
         drive = self.batch.cancel()
         self.run.end()
-        task, self._task = self._task, None
+        task = self._task
+        self._task = None
         if task is not None:
             task.cancel()
         for ending in (drive, task):
@@ -468,7 +474,8 @@ class FurrowmapDock(QgsDockWidget):
         self.report(text, Qgis.MessageLevel.Critical)
 
     def _end_run(self, successful: bool, results: dict[str, Any]) -> None:
-        task, self._task = self._task, None
+        task = self._task
+        self._task = None
         if not isinstance(task, RunTask):
             return  # the plugin is being unloaded
         self.run.end()
@@ -722,7 +729,8 @@ def folder_for(session: Path) -> Path:
 
 def free_folder_for(session: Path) -> Path:
     """The first folder `NAME_result-2`, `NAME_result-3`, … that does not exist."""
-    first, number = folder_for(session), 2
+    first = folder_for(session)
+    number = 2
     while (folder := first.with_name(f"{first.name}-{number}")).exists():
         number += 1
     return folder

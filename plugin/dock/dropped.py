@@ -16,8 +16,13 @@ from ..products import product
 from ..results import CLOUD, FIELD_FILE, REPORT
 from .machines import is_machine
 
-RESULTS, PREVIEW, SESSION, MACHINE, RECORDINGS = "results", "preview", "session", "machine", "recordings"
-DRIVES, CLOUDS = "drives", "clouds"
+RESULTS = "results"
+PREVIEW = "preview"
+SESSION = "session"
+MACHINE = "machine"
+RECORDINGS = "recordings"
+DRIVES = "drives"
+CLOUDS = "clouds"
 
 
 FINISHED_CLOUDS = (".las", ".laz")

@@ -51,7 +51,8 @@ class FlightParts(QWidget):
 
     def show_session(self, lines: SessionLines, folder: Path, *, flight: bool) -> None:
         """Read a session in `folder`: its IMU if it has one, camera and parcels where they are or could be."""
-        self._folder, self._flight = folder, flight
+        self._folder = folder
+        self._flight = flight
         self.imu_group.setVisible(lines.has("imu"))
         self.camera_group.setVisible(flight or lines.has("camera"))
         self.parcels_group.setVisible(flight or lines.has("parcels"))
@@ -84,7 +85,8 @@ class FlightParts(QWidget):
 
     def places(self, lines: SessionLines) -> Places:
         """The places of IMU and camera in the form; None for those that the session does not have."""
-        imu, camera = lines.has("imu"), self._has_camera()
+        imu = lines.has("imu")
+        camera = self._has_camera()
         return {
             ("imu", "xyz_m"): values_of(self.imu_xyz) if imu else None,
             ("imu", "rpy_deg"): values_of(self.imu_rpy) if imu else None,
@@ -105,7 +107,8 @@ class FlightParts(QWidget):
             lines.drop("parcels")
             return
         lines.set("parcels", "file", parcels)
-        inset, treatments = values_of(self.net_inset), name_within(self._folder, self.treatments.filePath())
+        inset = values_of(self.net_inset)
+        treatments = name_within(self._folder, self.treatments.filePath())
         if any(inset) or lines.get("parcels", "net_inset_m") is not None:
             lines.set("parcels", "net_inset_m", inset)
         if treatments or lines.get("parcels", "treatments") is not None:
@@ -242,6 +245,7 @@ def remedy_words(setting: dict[str, Any]) -> str:
         ("recording", "lidar_minus_gnss_s"): tr("clock of the scanner minus GNSS time (s)"),
         ("implement", "states_minus_gnss_s"): tr("clock of the tool's states minus GNSS time (s)"),
     }
-    value, place = setting["value"], (setting["table"], setting["key"])
+    value = setting["value"]
+    place = (setting["table"], setting["key"])
     shown = ", ".join(f"{each:g}" for each in value) if isinstance(value, list) else f"{value}"
     return tr("Enter it: {name} = {value}").format(name=names.get(place, f"[{place[0]}] {place[1]}"), value=shown)

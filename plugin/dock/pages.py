@@ -352,7 +352,8 @@ class BatchPage(QWidget):
 
     def refresh(self, number: int) -> None:
         """Show the state of a drive."""
-        drive, item = self._drives[number], self.list.item(number)
+        drive = self._drives[number]
+        item = self.list.item(number)
         words = {
             WAITING: self.tr("waiting"),
             RUNNING: self.tr("running"),
@@ -369,7 +370,8 @@ class BatchPage(QWidget):
         item.setText(f"{DRIVE_MARKS[drive.state]} {name}\n    {state}")
         item.setToolTip(drive.text or str(drive.session))
         item.setData(Qt.ItemDataRole.UserRole, number)
-        ended, count = sum(d.state in ENDED for d in self._drives), len(self._drives)
+        ended = sum(d.state in ENDED for d in self._drives)
+        count = len(self._drives)
         self.title.setText("<b>" + self.tr("{ended} of {all} drives").format(ended=ended, all=count) + "</b>")
         self.cancel.setEnabled(ended < count)
         self.back.setEnabled(ended == count)

@@ -64,7 +64,9 @@ class Replay(QObject):
         group: QgsLayerTreeGroup,
     ) -> None:
         super().__init__(canvas)
-        self._canvas, self._controller, self._ended = canvas, controller, False
+        self._canvas = canvas
+        self._controller = controller
+        self._ended = False
         self._moment, self._zone = local_start(object_in(report, "figures"))
         self._hidden: list[str] = []
         self._added: list[str] = []
@@ -95,7 +97,8 @@ class Replay(QObject):
         """Show everything again as it was before."""
         if self._ended:
             return
-        project, self._ended = QgsProject.instance(), True
+        project = QgsProject.instance()
+        self._ended = True
         self._controller.updateTemporalRange.disconnect(self._show)
         self._controller.pause()  # else the next frame comes although the navigation is off
         self._controller.setNavigationMode(QgsTemporalNavigationObject.NavigationMode.NavigationOff)
@@ -112,13 +115,15 @@ class Replay(QObject):
 
     def _let_grow(self, shown: dict[str, QgsLayerTreeLayer], strips: Sequence[QgsFeature]) -> None:
         """Show strips in place of the ground worked, and within them the change of the surface."""
-        worked, change = shown.get("coverage") or shown.get("passes"), shown.get("change")
+        worked = shown.get("coverage") or shown.get("passes")
+        change = shown.get("change")
         if worked is not None and strips:
             layer = _strip_layer(worked.layer(), strips)
             fill_worked(layer)
             self._replace(worked, layer, [])
         if change is not None and strips:
-            whole, mask = change.layer().clone(), _strip_layer(change.layer(), strips)
+            whole = change.layer().clone()
+            mask = _strip_layer(change.layer(), strips)
             whole.temporalProperties().setIsActive(False)
             mask.setBlendMode(QPainter.CompositionMode.CompositionMode_DestinationIn)
             both = QgsGroupLayer(whole.name(), QgsGroupLayer.LayerOptions(QgsProject.instance().transformContext()))
@@ -180,13 +185,16 @@ def worked_strips(trajectory: QgsVectorLayer, tools: Sequence[dict[str, Any]], p
         field = "pass" if number == 1 else f"pass_{number}"
         if trajectory.fields().indexOf(field) < 0:
             continue
-        (x, y), half = tool["xy_m"], tool["width_m"] / 2
+        x, y = tool["xy_m"]
+        half = tool["width_m"] / 2
         wanted = QgsFeatureRequest().setFilterExpression(f'"{field}" is not null and "heading_deg" is not null')
         wanted.setSubsetOfAttributes([field, "time", "heading_deg"], trajectory.fields())
         passes: dict[Any, list[tuple[QDateTime, QgsPointXY, QgsPointXY]]] = {}
         for pose in trajectory.getFeatures(wanted.addOrderBy("time")):
-            place, turn = pose.geometry().asPoint(), math.radians(pose["heading_deg"])
-            ahead, left = (math.sin(turn), math.cos(turn)), (-math.cos(turn), math.sin(turn))
+            place = pose.geometry().asPoint()
+            turn = math.radians(pose["heading_deg"])
+            ahead = (math.sin(turn), math.cos(turn))
+            left = (-math.cos(turn), math.sin(turn))
             ends = (
                 QgsPointXY(*(place[k] + x * ahead[k] + aside * left[k] for k in (0, 1)))
                 for aside in (y + half, y - half)
@@ -196,7 +204,8 @@ def worked_strips(trajectory: QgsVectorLayer, tools: Sequence[dict[str, Any]], p
             first = 0
             for k, (time, _, _) in enumerate(swept):
                 if k and (swept[first][0].msecsTo(time) >= 1000.0 * piece_s or k == len(swept) - 1):
-                    piece, first = swept[first : k + 1], k
+                    piece = swept[first : k + 1]
+                    first = k
                     ring = [*(end for _, end, _ in piece), *(end for _, _, end in reversed(piece))]
                     strip = QgsFeature()
                     strip.setGeometry(QgsGeometry.fromPolygonXY([ring]))

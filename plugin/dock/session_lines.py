@@ -112,7 +112,8 @@ class SessionLines:
         header = _TABLE_LINE.fullmatch(line.strip())
         if header is None or len(header[1]) != len(header[3]):
             return None
-        name, count = header[2], sum(known == header[2] or known.startswith(f"{header[2]}[") for known in self._ends)
+        name = header[2]
+        count = sum(known == header[2] or known.startswith(f"{header[2]}[") for known in self._ends)
         return f"{name}[{count}]" if header[1] and count else name
 
 
@@ -120,7 +121,8 @@ def _read(text: str, number: int) -> tuple[Any, str]:
     """A value that is the same in TOML and JSON (or a literal string), and the comment after it."""
     literal = _LITERAL.match(text)
     if literal is not None and not text.startswith("''"):
-        value, end = literal[0][1:-1], literal.end()
+        value = literal[0][1:-1]
+        end = literal.end()
     else:
         try:
             # Not strict: a TOML string may contain a tab.

@@ -128,7 +128,8 @@ class SessionPage(QWidget):
         Raises NotSimpleError if the form cannot edit the file, OSError or UnicodeDecodeError if it cannot be read.
         """
         lines = self._lines = SessionLines(path.read_text(encoding="utf-8"))
-        self.path, self._learned = path, None
+        self.path = path
+        self._learned = None
         self.name.setText(str(lines.get("", "name") or ""))
         of_recording = (("recording", "lidar"), ("recording", "gnss"), ("trajectory", "files"), ("implement", "states"))
         self._files = [file for place in of_recording for file in texts_of(lines.get(*place))]
@@ -190,7 +191,8 @@ class SessionPage(QWidget):
 
     def _write_findings(self, missing: Sequence[str]) -> None:
         """List what was found and what is missing; what is below stays where it is on the screen."""
-        page, width = findings_html(self._found, missing, flight=self.flight), self.findings.width()
+        page = findings_html(self._found, missing, flight=self.flight)
+        width = self.findings.width()
         if page != self.findings.text():
             higher = -self.findings.heightForWidth(width)
             self.findings.setText(page)
@@ -419,7 +421,8 @@ class SessionPage(QWidget):
             self._learned = None
         tools = lines.tables(IMPLEMENT)
         for number, table in enumerate(tools if len(tools) > 1 else (), 1):  # each of several needs a name of its own
-            kind, name = lines.get(table, "kind"), lines.get(table, "name")
+            kind = lines.get(table, "kind")
+            name = lines.get(table, "name")
             if not name or (kind and name == self._number_name(number)):
                 taken = [lines.get(other, "name") for other in tools if other != table]
                 lines.set(table, "name", kind if kind and kind not in taken else self._number_name(number))
@@ -490,7 +493,8 @@ class SessionPage(QWidget):
         return group_box(self.tr("Machine"), [self.machine, buttons])
 
     def _save_machine(self, signal: Any) -> None:
-        name, fault = self.machine.currentText().strip(), ""
+        name = self.machine.currentText().strip()
+        fault = ""
         if not name:
             fault = self.tr("Type a name for the machine.")
         elif set(PLACES_ASKED) & set(self.missing()):
@@ -529,13 +533,15 @@ class SessionPage(QWidget):
         return group_box(self.tr("Session"), rows, hint)
 
     def _antenna_group(self) -> QGroupBox:
-        self.antenna, self.antenna_hint = metre_boxes("furrowmapAntenna", 3, self._draw), small_text()
+        self.antenna = metre_boxes("furrowmapAntenna", 3, self._draw)
+        self.antenna_hint = small_text()
         rows = [row_of(self.tr("x, y, z"), self.antenna), self.antenna_hint]
         self.antenna_group = group_box(self.tr("GNSS antenna"), rows, "", self._draw, "furrowmapAntennaGroup")
         return self.antenna_group
 
     def _lidar_group(self) -> QGroupBox:
-        self.lidar_xyz, self.lidar_hint = metre_boxes("furrowmapLidar", 3, self._draw), small_text()
+        self.lidar_xyz = metre_boxes("furrowmapLidar", 3, self._draw)
+        self.lidar_hint = small_text()
         self.lidar_rpy = turn_boxes("furrowmapLidarTurn", self._draw)
         rows = [row_of(self.tr("x, y, z"), self.lidar_xyz), row_of(self.tr("roll, pitch, yaw"), self.lidar_rpy)]
         self.lidar_group = group_box(self.tr("Scanner"), [*rows, self.lidar_hint])
@@ -593,7 +599,8 @@ class SessionPage(QWidget):
         self._save_and(self.preview_wanted, fault=self.fault_of_preview())
 
     def _save_and_run(self) -> None:
-        fault, missing = self.fault(), [code for code in self.missing() if code in PLACES_ASKED]
+        fault = self.fault()
+        missing = [code for code in self.missing() if code in PLACES_ASKED]
         if missing and not fault:  # ask first
             self._show_above(findings_html(None, missing, flight=self.flight))
             self.anyway.show()
@@ -606,13 +613,15 @@ class SessionPage(QWidget):
         self._scroll.ensureWidgetVisible(self.findings)
 
     def _draw(self, *_: object) -> None:
-        missing, parts = self.missing(), self.flight_parts
+        missing = self.missing()
+        parts = self.flight_parts
         self._write_findings(missing)
         self._mark(self.antenna_group, self.tr("GNSS antenna"), missing="no-antenna" in missing)
         self._mark(self.lidar_group, self.tr("Scanner"), missing="no-mounting" in missing)
         self._mark(parts.imu_group, self.tr("IMU"), missing="no-imu-mounting" in missing)
         self._mark(parts.camera_group, self.tr("Camera"), missing="camera-uncalibrated" in missing)
-        places, with_tool = self.places(), self._with_implement()
+        places = self.places()
+        with_tool = self._with_implement()
         self.vehicle.show_places(
             VehiclePlaces(
                 values_of(self.lidar_xyz),

@@ -34,8 +34,14 @@ QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
 """The dock itself shows how its tasks end."""
 TASK_END_MS = 8000
 """A cancelled task has this long to end before the plugin is unloaded."""
-WAITING, RUNNING, DONE, DOUBTFUL, CUT = "waiting", "running", "done", "doubtful", "cut"
-FAILED, TO_FILL_IN, CANCELLED = "failed", "to fill in", "cancelled"
+WAITING = "waiting"
+RUNNING = "running"
+DONE = "done"
+DOUBTFUL = "doubtful"
+CUT = "cut"
+FAILED = "failed"
+TO_FILL_IN = "to fill in"
+CANCELLED = "cancelled"
 WITH_RESULT = (DONE, DOUBTFUL, CUT)
 ENDED = (*WITH_RESULT, FAILED, TO_FILL_IN, CANCELLED)
 CUT_CODES = ("bag-cut", "cut-capture", "cut-stream", "stream-cut")
@@ -65,7 +71,8 @@ class RunTask(QgsProcessingAlgRunnerTask):
     """Runs the algorithm `furrowmap:run`; `on_stage` is called with the name of each stage."""
 
     def __init__(self, parameters: dict[str, Any], on_stage: Any) -> None:
-        self.context, self.feedback = QgsProcessingContext(), StageFeedback(logFeedback=False)
+        self.context = QgsProcessingContext()
+        self.feedback = StageFeedback(logFeedback=False)
         self.feedback.stage_changed.connect(on_stage)
         algorithm = QgsApplication.processingRegistry().createAlgorithmById("furrowmap:run")
         super().__init__(algorithm, parameters, self.context, self.feedback, QUIET)
@@ -94,7 +101,8 @@ class CommandTask(QgsTask):
 
     def __init__(self, title: str, program: Sequence[str], arguments: Sequence[str]) -> None:
         super().__init__(title, QUIET)
-        self._program, self._arguments = program, arguments
+        self._program = program
+        self._arguments = arguments
         self._answer: Any = None
         self._error: WorkerError | None = None
 
@@ -153,7 +161,8 @@ class Previewer(QObject):
 
     def cancel(self) -> RunTask | None:
         """Cancel the running preview; returns its task, which ends a moment later."""
-        task, self._task = self._task, None
+        task = self._task
+        self._task = None
         if task is not None:
             task.cancel()
             self.status_changed.emit("")
@@ -204,7 +213,8 @@ class Drive:
 def judged(folder: Path) -> tuple[str, str]:
     """The state of a drive by the report of its run, and why it is not simply done."""
     report = read_report(folder)
-    verdict, figures = report.get("verdict") or {}, report.get("figures") or {}
+    verdict = report.get("verdict") or {}
+    figures = report.get("figures") or {}
     warnings = [warning for warning in report.get("warnings") or [] if isinstance(warning, dict)]
     cut = next((localized(warning, "text") for warning in warnings if warning.get("code") in CUT_CODES), "")
     duration_s = figures.get("duration_s")
@@ -252,15 +262,19 @@ class BatchRunner(QObject):
 
     def begin(self, program: Sequence[str], drives: list[Drive], machine: Path | None = None) -> None:
         """Run drives with the worker's command `program`; new sessions get the places of the profile `machine`."""
-        self.drives, self._program, self._machine = drives, program, machine
+        self.drives = drives
+        self._program = program
+        self._machine = machine
         self._begin_next()
 
     def cancel(self) -> QgsTask | None:
         """Cancel the running drive and those that wait; returns the task, which ends a moment later."""
-        task, self._task = self._task, None
+        task = self._task
+        self._task = None
         for number, drive in enumerate(self.drives):
             if drive.state not in ENDED:
-                drive.state, drive.text = CANCELLED, ""
+                drive.state = CANCELLED
+                drive.text = ""
                 self.changed.emit(number)
         if task is not None:
             task.cancel()
@@ -323,7 +337,8 @@ class BatchRunner(QObject):
             return  # cancelled meanwhile
         self._task = None
         drive = self.drives[self._at]
-        drive.state, drive.text = state, text
+        drive.state = state
+        drive.text = text
         self.changed.emit(self._at)
         self._begin_next()
 

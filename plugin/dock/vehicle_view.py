@@ -15,16 +15,25 @@ from .scan_plane import scan_direction, spin_axis
 
 tr = partial(QCoreApplication.translate, "VehicleView")
 
-REAR_WHEEL_M, FRONT_WHEEL_M, WHEELBASE_M = 0.55, 0.36, 1.75
-TRACK_M, TYRE_M = 1.25, 0.30
+REAR_WHEEL_M = 0.55
+FRONT_WHEEL_M = 0.36
+WHEELBASE_M = 1.75
+TRACK_M = 1.25
+TYRE_M = 0.30
 """Dimensions of a compact tractor, drawn for comparison."""
 DRAWN_BEAM_M = 3.0
 DRAWN_BEYOND_M = 0.5
-SCANNER_COLOUR, ANTENNA_COLOUR, IMPLEMENT_COLOUR = QColor("#1f78b4"), QColor("#d95f02"), QColor("#8c510a")
-IMU_COLOUR, CAMERA_COLOUR = QColor("#7b3294"), QColor("#1b9e77")
-ROTOR_AT_M, ROTOR_M = 0.38, 0.22
+SCANNER_COLOUR = QColor("#1f78b4")
+ANTENNA_COLOUR = QColor("#d95f02")
+IMPLEMENT_COLOUR = QColor("#8c510a")
+IMU_COLOUR = QColor("#7b3294")
+CAMERA_COLOUR = QColor("#1b9e77")
+ROTOR_AT_M = 0.38
+ROTOR_M = 0.22
 """Dimensions of a drone, drawn for comparison: a rotor's middle from the origin, along and across, and its radius."""
-BODY_COLOUR, TYRE_COLOUR, GROUND_COLOUR = QColor("#d9d9d9"), QColor("#969696"), QColor("#a08060")
+BODY_COLOUR = QColor("#d9d9d9")
+TYRE_COLOUR = QColor("#969696")
+GROUND_COLOUR = QColor("#a08060")
 
 
 @dataclass(frozen=True)
@@ -96,7 +105,8 @@ class VehicleView(QWidget):
         above = _View(painter, scale, left, side.y + scale * (-z_m[0] + y_m[1]) + 8, (0, 1))
         self._draw_side(side)
         self._draw_above(above)
-        x, y = self.width() - 10, self.height() - 8
+        x = self.width() - 10
+        y = self.height() - 8
         painter.setPen(QPen(self.palette().text().color(), 1.5))
         painter.drawLine(QPointF(x - scale, y), QPointF(x, y))
         painter.drawText(QPointF(x - scale, y - 4), "1 m")
@@ -143,7 +153,8 @@ class VehicleView(QWidget):
         view.disc((0, REAR_WHEEL_M), REAR_WHEEL_M, TYRE_COLOUR)
         view.disc((WHEELBASE_M, FRONT_WHEEL_M), FRONT_WHEEL_M, TYRE_COLOUR)
         if p.implement_xy_m:
-            x, depth = p.implement_xy_m[0], p.implement_depth_m
+            x = p.implement_xy_m[0]
+            depth = p.implement_depth_m
             view.polygon([(x - 0.25, 0.45), (x + 0.25, 0.45), (x + 0.12, -depth), (x - 0.12, -depth)], IMPLEMENT_COLOUR)
         self._draw_sensors(view, (0.0, 1.0, 0.0))
         view.label(4, 14, tr("side"))
@@ -163,7 +174,8 @@ class VehicleView(QWidget):
             for y in (-0.5 * TRACK_M, 0.5 * TRACK_M):
                 view.box((x - radius, y - 0.5 * TYRE_M), (x + radius, y + 0.5 * TYRE_M), TYRE_COLOUR)
         if p.implement_xy_m:
-            (x, y), half = p.implement_xy_m, 0.5 * p.implement_width_m
+            x, y = p.implement_xy_m
+            half = 0.5 * p.implement_width_m
             view.box((x - 0.2, y - half), (x + 0.2, y + half), IMPLEMENT_COLOUR)
         self._draw_sensors(view, (0.0, 0.0, 1.0))
         view.label(4, int(view.y - view.scale * 0.85), tr("top"))

@@ -174,7 +174,8 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
 
     def _values(self, parameter: Parameter, parameters: dict[str, Any], context: QgsProcessingContext) -> list[str]:
         """A parameter's value as the command line takes it: one or several strings, none where it is not given."""
-        name, kind = parameter.name, parameter.kind
+        name = parameter.name
+        kind = parameter.kind
         if kind == "flag":
             return ["yes"] if self.parameterAsBool(parameters, name, context) else []
         if kind in ("integer", "number"):
@@ -197,7 +198,8 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
 
     def _texts(self, parameter: Parameter, parameters: dict[str, Any], context: QgsProcessingContext) -> list[str]:
         """The values of a parameter that is text or a path."""
-        name, kind = parameter.name, parameter.kind
+        name = parameter.name
+        kind = parameter.kind
         if parameter.layers:
             texts = self.files[name]
         elif kind == "files":

@@ -131,7 +131,8 @@ class Algorithm:
     @property
     def parameters(self) -> list[Parameter]:
         """Every :class:`Parameter`, the basic ones first."""
-        options, facts = COMMAND_OPTIONS[self.command], {**_TEXTS["shared_facts"], **self.facts}
+        options = COMMAND_OPTIONS[self.command]
+        facts = {**_TEXTS["shared_facts"], **self.facts}
         found = []
         for option in (*self.basic, *(option for option in options if option not in self.basic)):
             words = option.lstrip("-").replace("-", " ").replace("_", " ")

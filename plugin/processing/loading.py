@@ -29,7 +29,8 @@ CLOUD_SUFFIXES = (".laz",)
 BY_CONTENT = {"height": show_as_surface, "change": show_as_change, "times worked": show_as_counts}
 """How a raster is drawn, by the description of its first band."""
 RAMPS = {"height_above_ground": "Viridis", "slope": "Reds", "roughness": "Magma", "low_spots": "Blues"}
-SHARES, SAMPLED = (0.02, 0.98), 250_000
+SHARES = (0.02, 0.98)
+SAMPLED = 250_000
 FARM_LAYERS = ("fields", "sessions", "boundary", "coverage", "plants", "lines", "planes")
 """Layers of a farm map that are seen at first: what one session missed, another one may have worked."""
 

@@ -39,7 +39,9 @@ def qgis_parameter(parameter: Parameter, translate: Callable[[str], str]) -> cor
 
 
 def _definition(parameter: Parameter, label: str) -> core.QgsProcessingParameterDefinition:
-    name, kind, default = parameter.name, parameter.kind, parameter.default
+    name = parameter.name
+    kind = parameter.kind
+    default = parameter.default
     given = {"name": name, "description": label, "optional": parameter.optional}
     created = {"createByDefault": not parameter.optional}
     if kind == "flag":

@@ -80,11 +80,14 @@ def run_job(job: Job) -> SessionOutcome:
     """
     if job.url or job.results_url:
         return _run_with_store(job)
-    wall_s, processor_s = perf_counter(), process_time()
-    key, stamps = "", tuple[Stamp, ...]()
+    wall_s = perf_counter()
+    processor_s = process_time()
+    key = ""
+    stamps = tuple[Stamp, ...]()
     try:
         opened = open_job(job)
-        key, stamps = key_of(job), input_stamps(opened)
+        key = key_of(job)
+        stamps = input_stamps(opened)
         result, repeated = _result(job, opened)
         outcome = replace(_outcome(key, stamps, result, opened), repeated=repeated)
     except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
@@ -252,7 +255,8 @@ def batch(
         sources = find_sources([Path(folder) for folder in folders if not is_url(folder)], target)
         sources += [source for url in remote for source in find_remote(url)]
         url = str(results).rstrip("/") if is_url(results) else ""
-        runs, path = _Batch(target, settings, overwrite, progress, say, url), target / STATE
+        runs = _Batch(target, settings, overwrite, progress, say, url)
+        path = target / STATE
         if url and (content := Store(url).read(STATE)) is not None:
             path.write_bytes(content)
         if dry_run:
@@ -310,7 +314,8 @@ class _Batch:
                 state.keep(name, outcomes[name])
         for name, (_, failure) in plan.failures.items():
             outcomes[name] = SessionOutcome("", failure=failure)
-        summary, tables = self._summary(plan, outcomes), (BATCH_TABLE, BATCH_LAYERS, BATCH_PAGE)
+        summary = self._summary(plan, outcomes)
+        tables = (BATCH_TABLE, BATCH_LAYERS, BATCH_PAGE)
         if plan.due or plan.failures or not all((self.results / name).is_file() for name in tables):
             write_table(self.results, summary.sessions)
             write_layers(self.results, summary.sessions)
@@ -330,7 +335,8 @@ class _Batch:
     ) -> _Plan:
         plan = _Plan(notices=[*unprotected(self.settings.scheduler)])
         prepared = self._prepare(sources, state, force, plan, dry_run=dry_run)
-        wanted, made = [], {}
+        wanted = []
+        made = {}
         for source in sources:
             found = prepared.get(source.place)
             if found is None:
@@ -379,7 +385,9 @@ class _Batch:
         if not usable:
             raise InputError("batch-nothing", without_count=len(without) if without else None)
         decisive = [stamp(file) for path in (machine, boundaries) if path for file in _files_of(Path(path))]
-        found, due, keys = dict[str, PreparedSource](), list[tuple[str, BatchSource]](), dict[str, str]()
+        found = dict[str, PreparedSource]()
+        due = list[tuple[str, BatchSource]]()
+        keys = dict[str, str]()
         for source in usable:
             content = kept_json([own_version(), source.stamps, decisive])
             key = keys[source.place] = hashlib.sha256(content).hexdigest()
@@ -405,7 +413,8 @@ class _Batch:
         whole = Store(self.url).complete() if self.url else None
         for name, job in plan.jobs.items():
             try:
-                key, stamps = key_of(job), job.stamps if job.url else input_stamps(open_job(job))
+                key = key_of(job)
+                stamps = job.stamps if job.url else input_stamps(open_job(job))
             except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
                 plan.failures[name] = (job.file, Failure.from_error(as_furrowmap_error(error)))
                 continue

@@ -178,7 +178,9 @@ def visits_of(
     for part in np.split(inside, np.flatnonzero(np.diff(field[inside])) + 1):
         if not len(part) or float(step_s[part].sum()) < MIN_VISIT_S:
             continue
-        k, first, last = int(field[part[0]]), float(t_s[part[0]]), float(t_s[part[-1]])
+        k = int(field[part[0]])
+        first = float(t_s[part[0]])
+        last = float(t_s[part[-1]])
         if kept and kept[-1][0] == k:
             kept[-1] = (k, kept[-1][1], last)
         else:
@@ -210,7 +212,8 @@ def _visits(file: Path, session: Session, boundaries: Path) -> list[FieldVisit]:
 
 def _places(opened: OpenSession) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (n,) and places (n, 2) on the map of the antenna, or of an external trajectory."""
-    reader, span_s = opened.positions(), opened.session.recording.span_s
+    reader = opened.positions()
+    span_s = opened.session.recording.span_s
     if opened.session.trajectory is not None:
         assert isinstance(reader, GivesPoses)
         poses, _ = transform_poses(track_within(reader.poses(), span_s), opened.frame)
@@ -243,7 +246,8 @@ def _outline_file(folder: Path, outline: str) -> Path:
 
 def _restrict_to_visit(session: Session, visit: FieldVisit, boundary: str) -> Session:
     recording, first, last = session.recording, *session.recording.span_s
-    begin, end = max(first, visit.span_s[0]), min(last, visit.span_s[1])
+    begin = max(first, visit.span_s[0])
+    end = min(last, visit.span_s[1])
     replaced: dict[str, Any] = {
         "name": f"{session.name}, {visit.name}" if session.name else visit.name,
         "recording": msgspec.structs.replace(

@@ -133,7 +133,8 @@ class Store:
         system, root = self._opened()
         system.makedirs(root, exist_ok=True)
         own = f"{root}/{PREFIX}{secrets.token_hex(8)}"
-        stopped, holds = threading.Event(), threading.Event()
+        stopped = threading.Event()
+        holds = threading.Event()
         _write(system, own, 0, holds)
         heart = threading.Thread(target=_beat, args=(system, own, stopped, holds), daemon=True)
         heart.start()

@@ -45,7 +45,8 @@ class Workforce:
             raise RefusedError("no-dask")
         fitting = max(1, min(available_processors(), free_memory_bytes() // BYTES_A_WORKER)) if may_start else 1
         self.workers = workers or fitting
-        self._scheduler, self._say = scheduler, say
+        self._scheduler = scheduler
+        self._say = say
         self._stack = ExitStack()
         self._engine: Engine | None = None
 

@@ -103,7 +103,8 @@ def write_calibration(session_file: Path, calibration: Calibration) -> None:
 
 
 def _calibrate_session(opened: OpenSession, progress: Progress) -> Calibration:
-    session_file, session = opened.file, opened.session
+    session_file = opened.file
+    session = opened.session
     located = locate(opened.positions(), session, opened.frame, companions(opened))
     if located.source == "imu" and located.antenna is None:
         return _calibrate_by_strips(opened, located, progress)
@@ -117,7 +118,9 @@ def _calibrate_session(opened: OpenSession, progress: Progress) -> Calibration:
         raise _not_shown(session_file, why) from error
     if matched is None:
         raise _not_shown(session_file, "the scans see too little ground")
-    found, constants, stated_s = matched.calibration, matched.seen.constants, session.recording.lidar_minus_gnss_s
+    found = matched.calibration
+    constants = matched.seen.constants
+    stated_s = session.recording.lidar_minus_gnss_s
     offset_s = stated_s + matched.clock_used_s + constants.clock_s
     shown = math.isfinite(constants.clock_sigma_s)
     return Calibration(
@@ -135,7 +138,8 @@ def _calibrate_session(opened: OpenSession, progress: Progress) -> Calibration:
 
 def _calibrate_by_strips(opened: OpenSession, located: Located, progress: Progress) -> Calibration:
     """The boresight of a scanner on an aircraft, from ground that is seen at several times."""
-    stated, trajectory = opened.session.lidar.mounting, located.trajectory
+    stated = opened.session.lidar.mounting
+    trajectory = located.trajectory
     carrier, _ = carrier_of(located, opened.session, opened.inputs.mount)
     lidar = opened.lidar(float(np.mean(trajectory.span_s)))
     scans = watched(lidar.scans(), lidar, progress, "reading scans")
@@ -178,7 +182,8 @@ def calibrated_text(text: str, calibration: Calibration) -> str:
         text = with_value(text, "lidar", "xyz_m", f"[{xyz}]")
     if calibration.clock_differs:
         said = tomllib.loads(text)
-        lidar, offset = said.get("lidar", {}), f"{calibration.offset_s[0]:.4f}"
+        lidar = said.get("lidar", {})
+        offset = f"{calibration.offset_s[0]:.4f}"
         its_own = "minus_gnss_s" in (lidar[0] if isinstance(lidar, list) else lidar)
         if its_own:
             text = with_value(text, "lidar", "minus_gnss_s", offset)

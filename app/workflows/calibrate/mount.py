@@ -114,7 +114,8 @@ def calibrate_mount(
     """
     expect_opencv()
     expect_pillow()
-    source, notices = Path(frames), list[Notice]()
+    source = Path(frames)
+    notices = list[Notice]()
     target = Path(out) if out is not None else resolved(source).with_name("mount.csv")
     if target.exists() and not overwrite:
         raise RefusedError("output-exists", target=target)
@@ -179,7 +180,8 @@ def _corners(
             return None, None
         return find_corners(pixels, board), (pixels.shape[1], pixels.shape[0])
 
-    times_s, found = [], []
+    times_s = []
+    found = []
     waiting: deque[Future[tuple[FloatArray | None, tuple[int, int] | None]]] = deque()
 
     def take() -> None:

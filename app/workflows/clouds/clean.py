@@ -60,7 +60,8 @@ def clean(
         InputError: if a cloud cannot be read, the CRS do not fit together, or no point is left.
         RefusedError: if the file exists, or is one of the clouds.
     """
-    paths, target = [Path(path) for path in clouds], Path(out)
+    paths = [Path(path) for path in clouds]
+    target = Path(out)
     refuse_target(target, paths, overwrite=overwrite)
     if settings.cleaning.ground == "csf":
         require_cloth()
@@ -69,7 +70,8 @@ def clean(
     cleaning = replace(settings.cleaning, box=box)
     inputs = input_records(opened, progress)
     make_folder(target.parent)
-    parameters, surveys = _parameters(cleaning, opened), list[Survey]()
+    parameters = _parameters(cleaning, opened)
+    surveys = list[Survey]()
     with closing(clean_points(opened, cleaning, target.parent, surveys.append, progress)) as points:
         origin = ("points of clouds, cleaned", [*inputs, *area_records(opened)], parameters)
         summary, lost = write_records(opened, points, target, box, origin, progress)

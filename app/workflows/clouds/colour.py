@@ -62,7 +62,9 @@ def colour(
         InputError: if the session has no camera, no image has a pose, or a file cannot be read.
         RefusedError: if the file exists, or is the cloud, or the images contradict GNSS and IMU.
     """
-    source, target, notices = Path(cloud), Path(out), list[Notice]()
+    source = Path(cloud)
+    target = Path(out)
+    notices = list[Notice]()
     refuse_target(target, [source], overwrite=overwrite)
     opened = open_session(Path(session))
     clouds = open_clouds([source], optional_with_heights(crs), opened.frame.crs, without_option=True)

@@ -63,7 +63,8 @@ def features(
         inputs = input_records(opened, progress)
         within = opened.area.path.name if opened.area is not None else None
         parameters = {"box": box, "within": within, "every": settings.every, "ground": method, "voxel_m": cell_m}
-        found, surveys = FoundFeatures(), list[Survey]()
+        found = FoundFeatures()
+        surveys = list[Survey]()
         with closing(classify_features(opened, cleaning, cell_m, staging, found, surveys.append, progress)) as points:
             described = ("points of clouds with the classes of features", inputs, parameters)
             summary, lost = write_records(opened, points, staging / CLOUD, box, described, progress)
@@ -86,7 +87,8 @@ def features(
 def found_layers(found: FoundFeatures) -> tuple[list[Layer], dict[str, int]]:
     """The layers of features, and the numbers of what they hold."""
     joined = join_planes(found.planes)
-    lines, plants = found.all_lines(joined), found.all_plants()
+    lines = found.all_lines(joined)
+    plants = found.all_plants()
     planes = [plane for plane in joined if not plane.is_open]
     kinds = [line.kind for line in lines]
     return feature_layers(planes, lines, plants), {

@@ -136,9 +136,11 @@ class CloudRasters:
 
     def write_derived(self, progress: Progress) -> tuple[dict[str, Any], list[Notice]]:
         """Write the rasters derived from the surfaces; returns their figures and notices."""
-        grid, cell_m = self.grid, self.grid.cell_m
+        grid = self.grid
+        cell_m = self.grid.cell_m
         notices: list[Notice] = []
-        shade, steep = Band("hillshade", "1", 0), Band("slope", "degree", 1024)
+        shade = Band("hillshade", "1", 0)
+        steep = Band("slope", "degree", 1024)
         with (
             self._output(HILLSHADE, "hillshade of the ground", [shade]) as put_shade,
             self._output(SLOPE, "slope of the ground", [steep]) as put_slope,
@@ -197,7 +199,8 @@ class CloudRasters:
                 new = np.isfinite(height) & ~np.isfinite(bands[0])
                 if (area := self.clouds.area) is not None:
                     beyond = new & ~area.contains(outer.positions_m()).reshape(new.shape)
-                    height[beyond], new[beyond] = np.nan, False
+                    height[beyond] = np.nan
+                    new[beyond] = False
                 arrays: Bands = [height, *bands[1:], new.astype(np.float32)]
                 own = inner.window_in(outer)
                 put(inner, [array[own] for array in arrays])
@@ -230,7 +233,8 @@ class CloudRasters:
         while (grid.rows // factor + 1) * (grid.columns // factor + 1) > MAX_LOW_SPOT_CELLS:
             factor += 1
         coarse = grid.coarser(factor)
-        total, count = np.zeros(coarse.shape), np.zeros(coarse.shape, np.uint32)
+        total = np.zeros(coarse.shape)
+        count = np.zeros(coarse.shape, np.uint32)
         reach = max(self.settings.fill_m, BRIDGED_M) / grid.cell_m
         for inner, outer, found in self._windows(self.ground_name, int(2 * reach) + 1, progress, "finding low spots"):
             # Water would run off through every cell without a point.

@@ -81,7 +81,8 @@ def canopy(
     decided: list[Notice] = []
     areas = read_parcels(file, opened.crs, notices=decided) if file is not None else ()
     opened = replace(opened, notices=(*opened.notices, *decided))
-    box, far = settings.box, tuple[Notice, ...]()
+    box = settings.box
+    far = tuple[Notice, ...]()
     if box is None and areas:
         west, south, east, north = shapely.total_bounds([area.gross for area in areas]).tolist()
         box = (west - GROUND_REACH_M, south - GROUND_REACH_M, east + GROUND_REACH_M, north + GROUND_REACH_M)
@@ -157,7 +158,8 @@ def _stands(
     else:
         named = []
         for key, column, row in sorted(((key, *square_of(key)) for key in heights.counts), key=lambda s: (-s[2], s[1])):
-            west, south = column * cell_m, row * cell_m
+            west = column * cell_m
+            south = row * cell_m
             # The name of a cell is its southwestern corner, and the same in every cloud.
             square = shapely.box(west, south, west + cell_m, south + cell_m)
             named.append((key, f"{west:.10g}_{south:.10g}", square))
@@ -195,18 +197,22 @@ def _collect(
     ground_m = (tile.dsm.height_m - tile.above_m).ravel()
     above = own.height_m + own.base_m - ground_m[own.cell]
     row, column = np.divmod(own.cell.astype(np.int64), SPOOL_TILE)
-    east, north = grid.west + column, grid.north - 1 - row
+    east = grid.west + column
+    north = grid.north - 1 - row
     key = area_at((east + 0.5) * grid.cell_m, (north + 0.5) * grid.cell_m)
     kept = np.isfinite(above) & (key >= 0)
     records = np.empty(int(kept.sum()), _HEIGHT)
-    records["height_m"], records["column"], records["row"] = above[kept], east[kept], north[kept]
+    records["height_m"] = above[kept]
+    records["column"] = east[kept]
+    records["row"] = north[kept]
     heights.add(records, key[kept])
 
 
 def _figures(stands: Sequence[Stand]) -> dict[str, Any]:
     """Figures of all areas together."""
     seen = [stand for stand in stands if stand.returns]
-    returns, area = sum(stand.returns for stand in seen), sum(stand.area_m2 for stand in seen)
+    returns = sum(stand.returns for stand in seen)
+    area = sum(stand.area_m2 for stand in seen)
     gaps = sum(stand.gap_fraction * stand.returns for stand in seen)
     tops = sum(stand.top_height_m * stand.area_m2 for stand in seen)
     return {

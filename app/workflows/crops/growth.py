@@ -65,7 +65,8 @@ def growth(
         UsageError: if there are fewer than two days, or not one for each cloud.
         RefusedError: if the folder holds such products.
     """
-    folder, file = Path(out), Path(parcels)
+    folder = Path(out)
+    file = Path(parcels)
     recover(folder)
     refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
     opened = open_inputs(clouds, settings)
@@ -73,7 +74,8 @@ def growth(
     net = Path(settings.net) if settings.net else None
     areas = read_parcels(file, opened.crs, settings.net_inset_m, net, decided)
     opened = replace(opened, notices=(*opened.notices, *decided))
-    by_day, notices = _clouds_by_day(opened, areas, settings.days), list(opened.notices)
+    by_day = _clouds_by_day(opened, areas, settings.days)
+    notices = list(opened.notices)
     with staged_folder(folder) as staging, ExitStack() as stack:
         flights = [stack.enter_context(ParcelPoints(areas, staging.parent)) for _ in by_day]
         for points, part in zip(flights, by_day.values(), strict=True):

@@ -99,7 +99,8 @@ def parcels(
         InputError: if a file cannot be read, the parcels are elsewhere, or no point lies in one.
         RefusedError: if the folder holds such products.
     """
-    folder, file = Path(out), Path(parcels)
+    folder = Path(out)
+    file = Path(parcels)
     recover(folder)
     refuse_products(folder, PARCEL_PRODUCTS, overwrite=overwrite)
     opened = open_inputs(clouds, settings)
@@ -137,7 +138,8 @@ def parcel_settings(opened: OpenSession) -> ParcelSettings:
 @contextmanager
 def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints | None]:
     """What collects the points of a session's parcels; None where it has none, or no scanner."""
-    path, settings = opened.inputs.parcels, parcel_settings(opened)
+    path = opened.inputs.parcels
+    settings = parcel_settings(opened)
     if path is None or not opened.session.recording.lidar:
         yield None
         return
@@ -155,7 +157,8 @@ def collect_points(
 ) -> tuple[list[Notice], tuple[float, float] | None]:
     """Collect the points of the parcels; notices about the clouds, and the first and last UTC."""
     notices: list[Notice] = []
-    first_s, last_s = math.inf, -math.inf
+    first_s = math.inf
+    last_s = -math.inf
     total = max(clouds.points, 1)
 
     def seen(survey: Survey) -> None:
@@ -168,7 +171,8 @@ def collect_points(
         if batch.t_s is not None and len(batch.t_s):
             known = batch.t_s[batch.t_s == batch.t_s]
             if len(known):
-                first_s, last_s = min(first_s, float(known.min())), max(last_s, float(known.max()))
+                first_s = min(first_s, float(known.min()))
+                last_s = max(last_s, float(known.max()))
     if not points.count:
         raise elsewhere_error(parcels, clouds.points, points.box_m)
     return notices, (first_s, last_s) if first_s <= last_s else None

@@ -78,7 +78,8 @@ def response(
         UsageError: if there are not as many days as tables.
         RefusedError: if the folder holds such a result.
     """
-    folder, days = Path(out), _days(settings.days or (), len(tables))
+    folder = Path(out)
+    days = _days(settings.days or (), len(tables))
     refuse_existing(folder / RESPONSE_REPORT, overwrite=overwrite)
     measure = settings.measure or MEASURE
     notices: list[Notice] = []

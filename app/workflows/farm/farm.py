@@ -287,7 +287,9 @@ def _append(edit: FarmEdit, results: Sequence[SessionResult], crs: CRS) -> None:
 
 def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:
     """Store the styles and the QGIS project for the current content."""
-    sessions, kinds, crs = edit.sessions(), edit.layers(), edit.crs()
+    sessions = edit.sessions()
+    kinds = edit.layers()
+    crs = edit.crs()
     assert crs is not None
     own = styles({name: edit.columns(name) for name in kinds}, sessions)
     notices = edit.store_styles({name: style for name, style in own.items() if kinds[name]})
@@ -299,7 +301,8 @@ def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:
     layers += ground
     layers.append(background_layer(crs, edit.bounds()))
     now = dt.datetime.now(dt.UTC)
-    start, end = (min((s.start for s in sessions), default=now), max((s.end for s in sessions), default=now))
+    start = min((s.start for s in sessions), default=now)
+    end = max((s.end for s in sessions), default=now)
     edit.store_project(project_archive(layers, crs, edit.bounds(), (start, end)))
     return (*notices, *foreign)
 

@@ -123,13 +123,15 @@ def field_history(
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
         fields = edit.read(FIELDS_LAYER, FIELD_COLUMNS)
         row = _field_row(fields, field, edit.name())
-        seasons, visits = edit.read(SEASONS, SEASON_COLUMNS), edit.read(VISITS, VISIT_COLUMNS)
+        seasons = edit.read(SEASONS, SEASON_COLUMNS)
+        visits = edit.read(VISITS, VISIT_COLUMNS)
     chosen = str(fields.columns["field"][row])
     chosen_row = _rows(fields)[row]
     own_seasons, own_visits = ((layer.columns["field"] == chosen).nonzero()[0] for layer in (seasons, visits))
     own_seasons = own_seasons[np.argsort(-seasons.columns["season"][own_seasons], kind="stable")]
     own_visits = own_visits[np.argsort(visits.columns["date"][own_visits], kind="stable")[::-1]]
-    by_season, by_visit = _rows(seasons, own_seasons), _rows(visits, own_visits)
+    by_season = _rows(seasons, own_seasons)
+    by_visit = _rows(visits, own_visits)
     if target is not None and target.suffix == ".csv":
         write_csv_table(target, VISIT_COLUMNS[1:], by_visit)
     elif target is not None:
@@ -161,10 +163,12 @@ def farm_traffic(
     target = Path(out)
     refuse_existing(target, overwrite=overwrite)
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
-        name, crs = edit.name(), edit.crs()
+        name = edit.name()
+        crs = edit.crs()
         visits = edit.read(VISITS, ("session", "season"))
         of_season = set(visits.columns["session"][visits.columns["season"] == settings.season].tolist())
-        first, last = settings.since or dt.date.min, settings.until or dt.date.max
+        first = settings.since or dt.date.min
+        last = settings.until or dt.date.max
         sessions_of = {
             s.session
             for s in edit.sessions()
@@ -181,10 +185,8 @@ def farm_traffic(
 
 def _traffic(edit: FarmEdit, wanted: set[str]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Where machines worked, on which days, and where the rear axles of sessions drove."""
-    passes, overlaps = (
-        edit.read("passes", ("session", "date")),
-        edit.read("overlaps", ("session", "date", "pass_a", "pass_b")),
-    )
+    passes = edit.read("passes", ("session", "date"))
+    overlaps = edit.read("overlaps", ("session", "date", "pass_a", "pass_b"))
     tracks = edit.read(TRACKS, ("session",))
     again = overlaps.columns["pass_a"] == overlaps.columns["pass_b"]
     mine = [np.array([s in wanted for s in layer.columns["session"]], bool) for layer in (passes, overlaps, tracks)]
@@ -196,7 +198,8 @@ def _traffic(edit: FarmEdit, wanted: set[str]) -> tuple[NDArray[Any], NDArray[An
 
 def _field_row(fields: Layer, wanted: str, farm_map: str) -> int:
     """The row of the field that a user means."""
-    ids, names = fields.columns["field"].tolist(), fields.columns["name"].tolist()
+    ids = fields.columns["field"].tolist()
+    names = fields.columns["name"].tolist()
     found = [k for k, name in enumerate(names) if name == wanted] or [
         k for k, one in enumerate(ids) if one == wanted or (len(wanted) >= 4 and one.startswith(wanted))
     ]

@@ -22,7 +22,8 @@ from furrowmap.settings import SolveSettings
 PROGRAM: Final = "rnx2rtkp"
 SYSTEMS: Final = "G,R,E,J,C"
 """GPS, GLONASS, Galileo, QZSS, BeiDou."""
-_KINEMATIC, _STATIC = "2", "3"
+_KINEMATIC = "2"
+_STATIC = "3"
 _APPROXIMATE: Final = re.compile(rb"^(.{14})(.{14})(.{14}).{18}APPROX POSITION XYZ", re.MULTILINE)
 MIN_RADIUS_M: Final = 6_000_000.0
 """Nearer to the earth's centre no antenna stands: the header was left at 0."""
@@ -68,7 +69,8 @@ def solve_gnss(
     program = program_on_path(PROGRAM)
     if program is None:
         raise FurrowmapError("no-rtklib")
-    rover, base = Path(rover), Path(base)
+    rover = Path(rover)
+    base = Path(base)
     for path, kind in ((rover, "O"), (base, "O"), *((Path(name), "NGLHPJC") for name in navigation)):
         line = look(path).data.partition(b"\n")[0].decode("latin-1").rstrip("\r")
         wanted = "observations" if kind == "O" else "navigation messages"

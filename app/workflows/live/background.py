@@ -116,7 +116,8 @@ def _pmtiles(path: Path) -> tuple[BackgroundMap, bytes]:
     with path.open("rb") as file:
         source = MmapSource(file)
     reader = Reader(source)
-    header, said = reader.header(), reader.metadata()
+    header = reader.header()
+    said = reader.metadata()
     _, first = next(iter(all_tiles(source)), (None, b""))
     attribution = said.get("attribution") if isinstance(said, dict) else ""
     return BackgroundMap((header["min_zoom"], header["max_zoom"]), _plain(attribution), reader.get), first

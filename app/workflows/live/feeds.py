@@ -127,7 +127,10 @@ class FolderFeed:
     """
 
     def __init__(self, folder: Path, recording: Recording, scans: ScanStream, stop: Event) -> None:
-        self._folder, self._scans, self._stop, self._over = folder, scans, stop, Event()
+        self._folder = folder
+        self._scans = scans
+        self._stop = stop
+        self._over = Event()
         self._queue: Queue[tuple[Datagrams | bytes, float]] = Queue(QUEUED_INPUTS)
         self.threads = [
             SupervisedThread(what, partial(self._follow, Followed.of(files[0])), lambda _: None)
@@ -274,7 +277,10 @@ class PlayedFeed:
     """
 
     def __init__(self, opened: OpenSession, scans: ScanStream, speed: float, stop: Event) -> None:
-        self._opened, self._scans, self._speed, self._stop = opened, scans, speed, stop
+        self._opened = opened
+        self._scans = scans
+        self._speed = speed
+        self._stop = stop
         inputs = opened.inputs
         if opened.session.trajectory is not None or not inputs.lidar or not inputs.positions:
             raise UsageError("usage.live-recording", file=opened.file)
@@ -286,7 +292,9 @@ class PlayedFeed:
 
     def pieces(self) -> Iterator[Input]:
         """Scans by the times of their capture, each with the positions that came before."""
-        given, begin_s, first_s = 0, time.time(), math.nan
+        given = 0
+        begin_s = time.time()
+        first_s = math.nan
         for now_s, utc_s, scans in self._batches():
             first_s = now_s if math.isnan(first_s) else first_s
             due_s = begin_s + (now_s - first_s) / self._speed

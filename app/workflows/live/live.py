@@ -272,7 +272,10 @@ class LiveWatch:
         threads: Sequence[SupervisedThread],
         folder: Path | None = None,
     ) -> None:
-        self._session, self._frame, self._stream, self._to = session, frame, stream, outlets
+        self._session = session
+        self._frame = frame
+        self._stream = stream
+        self._to = outlets
         self._scans = self._posed = self._early = self._dropped = 0
         self._begun_s = math.nan
         self._delays = np.zeros(10_001, np.int64)  # counted by milliseconds, so that memory does not grow
@@ -305,7 +308,8 @@ class LiveWatch:
 
     def summary(self) -> LiveSummary:
         """What was seen so far."""
-        cells, counted = self._session.cells, np.cumsum(self._delays)
+        cells = self._session.cells
+        counted = np.cumsum(self._delays)
         worked, overlap, missed = (cells.area_m2(s) if cells is not None else 0.0 for s in (WORKED, OVERLAP, MISSED))
         at = 1e-3 * np.searchsorted(counted, np.array([0.5, 0.999, 1.0]) * counted[-1])
         quantiles = tuple(at.tolist()) if counted[-1] else (math.nan,) * 3
@@ -339,7 +343,8 @@ class LiveWatch:
         if self._placed_m is not None and math.dist(self._placed_m, (e_m, n_m)) < PLACED_WITHIN_M:
             return
         self._placed_m = round(e_m), round(n_m)
-        background, pictures = self._to.background, self._to.pictures
+        background = self._to.background
+        pictures = self._to.pictures
         place = background.place(self._frame, *self._placed_m) if background is not None else None
         self._to.page.publish(lambda: pictures.placed({"origin_m": self._placed_m, "background": place}))
 

@@ -113,7 +113,8 @@ class Pictures:
 
     def placed(self, about: dict[str, Any]) -> bytes:
         """Remember where the map is, and say it as a message of its own."""
-        self._about, self._whole = about, None
+        self._about = about
+        self._whole = None
         return event("place", about)
 
     def whole(self) -> bytes:
@@ -134,7 +135,8 @@ class Pictures:
         """Runs of cells [first, count, state] that changed, by tile."""
         out = []
         for tile in tiles:
-            now, before = cells.tiles()[tile], self._sent.get(tile)
+            now = cells.tiles()[tile]
+            before = self._sent.get(tile)
             changed = (now != (before if before is not None else 0)).ravel()
             at = np.flatnonzero(changed)
             if not len(at):

@@ -250,7 +250,8 @@ class Watch:
             else:
                 yield "", Notice("record-no-packets", ports=ports)
         for scanner in known:
-            address, pps = scanner["address"], scanner["pps"]
+            address = scanner["address"]
+            pps = scanner["pps"]
             if scanner["age_s"] > STREAM_SILENT_S and not is_down:
                 yield address, Notice("record-silent", source=address, age_s=scanner["age_s"])
             if self._count(f"lost {scanner['stem']}", scanner["lost"], now_s):

@@ -33,7 +33,9 @@ class RunColours:
         self._maker: ColourMaker | None = ColourMaker(frames, origin_m)
         self._working = ExitStack()
         self._origin_m = origin_m
-        self._lock, self._counts, self._notices = Lock(), np.zeros(3, np.int64), list[Notice]()
+        self._lock = Lock()
+        self._counts = np.zeros(3, np.int64)
+        self._notices = list[Notice]()
         self._ortho_m2 = 0.0
         self._colours: Colours | None = None
 
@@ -57,7 +59,8 @@ class RunColours:
         """Read the images, now that all points are known."""
         assert self._maker is not None
         self._working.close()
-        self._colours, self._maker = self._maker.finish(self._notices, progress), None
+        self._colours = self._maker.finish(self._notices, progress)
+        self._maker = None
 
     def paint(self, points: ChunkColumns, scale_m: float) -> None:
         """Colour points against the local origin, in place; called from several threads."""
@@ -91,7 +94,8 @@ class RunColours:
         deviation of the logarithms of the frames' exposures.
         """
         assert self._colours is not None
-        pixels, balance = self._colours.pixels, self._colours.balance
+        pixels = self._colours.pixels
+        balance = self._colours.balance
         coloured, unseen, left_out = self._counts.tolist()
         if coloured + unseen and not coloured:
             self._notices.append(Notice("nothing-coloured"))

@@ -113,7 +113,8 @@ def _write_surface(folder: Path, land: FieldPoints, found: RunResult, origin: Or
     grid = land.grid
     if grid is None:
         return {}
-    crs, seen = with_heights(found.frame.whole_crs, found.session.crs.heights), 0
+    crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
+    seen = 0
     with cog_output(folder / PREVIEW_DSM, grid, crs, SURFACE_BANDS, origin) as write:
         for tile in land.tiles(Passages([]), LOW_RETURNS):
             write(tile.grid, surface_arrays(tile.after))

@@ -146,13 +146,16 @@ class RunProducts:
 
     def finish(self, found: RunResult, inputs: list[FileRecord], progress: Progress) -> Made:
         """Write cloud and rasters, once all points were taken."""
-        staging, origin, opened = self.staging, run_origin(found, inputs), self.opened
+        staging = self.staging
+        origin = run_origin(found, inputs)
+        opened = self.opened
         begin = perf_counter()
         if self.colours is not None:
             self.colours.finish(progress)
         measuring: AbstractContextManager[Future[WrittenParcels] | None] = nullcontext()
         if self.parcels is not None:
-            settings, crs = parcel_settings(opened), opened.frame.whole_crs
+            settings = parcel_settings(opened)
+            crs = opened.frame.whole_crs
             measuring = beside(partial(write_parcels, staging, self.parcels, settings, crs, origin), progress)
         with beside(partial(self._surfaces, found, origin), progress) as rasters:
             with measuring as parcels:
@@ -222,7 +225,8 @@ def write_products(
         origin = Path(os.path.relpath(resolved(opened.file), resolved(folder))).as_posix()
     except ValueError:  # on another drive of Windows
         origin = opened.file.name
-    found, summary = made.found, made.cloud
+    found = made.found
+    summary = made.cloud
     progress("writing layers", 0.0)
     begin = perf_counter()
     layers = strip_layers(made.rasters.strips if made.rasters is not None else (), found.strip_differences)
@@ -329,7 +333,10 @@ class RunCloud:
     def __init__(
         self, writer: CopcWriter, packing: ExitStack, colours: RunColours | None, *, several_scanners: bool = False
     ) -> None:
-        self._writer, self._packing, self._colours, self._several = writer, packing, colours, several_scanners
+        self._writer = writer
+        self._packing = packing
+        self._colours = colours
+        self._several = several_scanners
         self._append = packing.enter_context(behind(writer.append, PLACED_AHEAD))
         self._watch = GroundSampler()
 

@@ -167,7 +167,8 @@ class KeptMatching:
 
     def __init__(self, path: Path, opened: OpenSession, inputs: Sequence[FileRecord]) -> None:
         known = {"furrowmap": version("furrowmap"), "session": msgspec.to_builtins(opened.session), "inputs": inputs}
-        self._path, self._key = path, hashlib.sha256(json_text(known).encode()).digest()
+        self._path = path
+        self._key = hashlib.sha256(json_text(known).encode()).digest()
 
     def load(self) -> MatchedSession | None:
         """What an earlier run kept; None for nothing, or that of another session."""
@@ -213,7 +214,8 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
 
 def _recordings(session: Any, inputs: Any) -> tuple[Any, set[str]]:
     """The task and the hashes of the recordings, from the tables of a session and the records of its files."""
-    recording, stated = session["recording"], session["trajectory"]
+    recording = session["recording"]
+    stated = session["trajectory"]
     named = recording["lidar"] or (stated["files"] if stated is not None else recording["gnss"])
     names = {PurePosixPath(name).as_posix() for name in named}
     whole = [file for file in inputs if names & {file["name"], *map(str, PurePosixPath(file["name"]).parents)}]

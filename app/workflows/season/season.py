@@ -151,7 +151,8 @@ def _plan_tile(
     crs: CRS,
 ) -> tuple[str, Planned]:
     date, kind, (column, row) = of
-    place, name = f"mosaics/{date}", f"{kind}_x{column}_y{row}.tif"
+    place = f"mosaics/{date}"
+    name = f"{kind}_x{column}_y{row}.tif"
     heights = members[-1][0].heights
     sessions = [session for session, _ in members]
     span = min(session.span[0] for session in sessions), max(session.span[1] for session in sessions)
@@ -196,7 +197,9 @@ def _bounds_in(crs: CRS, session: SeasonSession) -> tuple[float, float, float, f
 
 def _tiles(grid: Grid) -> Iterator[tuple[tuple[int, int], Grid]]:
     """The tiles that cells lie in, and those in each."""
-    side, south, east = MOSAIC_TILE_CELLS, grid.north - grid.rows, grid.west + grid.columns
+    side = MOSAIC_TILE_CELLS
+    south = grid.north - grid.rows
+    east = grid.west + grid.columns
     for column in range(grid.west // side, (east - 1) // side + 1):
         for row in range(south // side, (grid.north - 1) // side + 1):
             part = shared_cells(grid, Grid(grid.cell_m, column * side, (row + 1) * side, (side, side)))
@@ -276,7 +279,8 @@ def season(
             missing.
         FurrowmapError: if a worker is lost several times, or the scheduler cannot be reached.
     """
-    folder, content = Path(out), _content(settings)
+    folder = Path(out)
+    content = _content(settings)
     recover(folder)
     refuse_result(folder)
     if not (folder / SEASON).is_file():

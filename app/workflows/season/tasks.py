@@ -139,6 +139,7 @@ def _to_season_crs(xyz_m: NDArray[np.float64], tables: SessionTables) -> NDArray
     """Coordinates (n, 3) in the CRS of the season; heights are unchanged."""
     if same_map(tables.own_crs, tables.crs):
         return xyz_m
-    (west, south), (east, north) = xyz_m[:, :2].min(axis=0).tolist(), xyz_m[:, :2].max(axis=0).tolist()
+    west, south = xyz_m[:, :2].min(axis=0).tolist()
+    east, north = xyz_m[:, :2].max(axis=0).tolist()
     change = crs_change(tables.own_crs, tables.crs, (west, south, east, north))
     return np.column_stack([change.points(xyz_m[:, :2]), xyz_m[:, 2:]])

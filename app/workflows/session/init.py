@@ -74,7 +74,8 @@ def proposed(
     """The proposal of a session file in `folder`, which is not written, and what is not used in it."""
     beside = TrialFiles.among([*paths, *sorted(folder.iterdir() if folder.is_dir() else [])])
     others = {resolved(file) for _, file in beside.titled}
-    examined, skipped = [], list[Notice]()
+    examined = []
+    skipped = list[Notice]()
     for path in paths:
         progress(f"Reading {printable(path.name)}", 0.0)
         if resolved(path) not in others:

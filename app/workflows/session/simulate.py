@@ -33,5 +33,6 @@ def simulate(
     described = demo_scenario(str(scenario)) if str(scenario) in PACKAGED else load_scenario(Path(scenario))
     with staged_folder(folder) as staging:
         made = simulator.simulate(described, staging, progress)
-    session, recording = folder / made.session.name, folder / made.recording.name
+    session = folder / made.session.name
+    recording = folder / made.recording.name
     return replace(made, folder=folder, session=session, recording=recording)

@@ -60,7 +60,8 @@ def export(
         RefusedError: if `out` exists, or PROJ has no reliable change of CRS.
         FurrowmapError: if the format needs a package that is not installed.
     """
-    folders, wanted = [Path(folder) for folder in results], optional_crs(crs)
+    folders = [Path(folder) for folder in results]
+    wanted = optional_crs(crs)
     if to not in FORMATS and (layers or crs is not None):
         raise UsageError("usage.export-layers", to=to)
     if to != STAC and len(folders) != 1:
@@ -86,7 +87,8 @@ def export(
             notices = write_task_data(opened[0], target)
             files = sorted(target.iterdir()) if target.is_dir() else [target]
         else:
-            chosen, result = FORMATS[to], opened[0]
+            chosen = FORMATS[to]
+            result = opened[0]
             found: Layers = {name: result.layer(name) for name in (layers or result.layer_names)}
             found, notices = changed_crs(found, chosen.crs or wanted)
             files, lost = write_vectors(chosen, target, found, result.origin, result.zone)

@@ -52,7 +52,8 @@ class Profile:
 
 def find_profiles(name: str | None, data: Path | None = None) -> list[Profile]:
     """The profiles of this name, or the default ones, of QGIS 3 and QGIS 4; `data` is the data folder of the user."""
-    found, others = [], []
+    found = []
+    others = []
     for release in _RELEASES:
         root = (data or user_data()) / "QGIS" / release / "profiles"
         here = sorted(path for path in root.iterdir() if path.is_dir()) if root.is_dir() else []
@@ -128,7 +129,8 @@ def enable_plugin(settings: Path) -> None:
 def with_setting(text: str, section: str, key: str, value: str) -> str:
     """Qt settings (INI) with one value set."""
     lines = text.splitlines()
-    head, line = f"[{section}]", f"{key}={value}"
+    head = f"[{section}]"
+    line = f"{key}={value}"
     if head not in lines:
         return "\n".join([*lines, *([""] if lines else []), head, line, ""])
     begin = lines.index(head) + 1

@@ -162,7 +162,8 @@ def _open_work(dates: list[DatedSurface], settings: TieSettings, stack: ExitStac
     middle_m = np.array([0.5 * (west + east), 0.5 * (south + north)])
     if settings.reference is None:
         return _Work(dates, surfaces, middle_m, dates[0].after.crs)
-    around, sigma_m = (west, south, east, north), settings.reference_sigma_m
+    around = (west, south, east, north)
+    sigma_m = settings.reference_sigma_m
     reference = open_reference(Path(settings.reference), dates, around, sigma_m, stack)
     return _Work(dates, surfaces, middle_m, dates[0].after.crs, reference)
 
@@ -219,7 +220,8 @@ def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
             found.append(Notice("tie-contradiction", names=names[0], names_other=names[1], tension=tension))
     for (one, other), tied in work.ties.items():
         if tied.upright is not None and len(tied.upright.moved_m):
-            moved, count = tied.upright.moved_m, len(tied.upright.used_m) + len(tied.upright.moved_m)
+            moved = tied.upright.moved_m
+            count = len(tied.upright.used_m) + len(tied.upright.moved_m)
             east, north = np.median(moved, axis=0).tolist()
             found.append(
                 Notice(
@@ -317,8 +319,10 @@ def _write_changes(
         later = [j for j in range(k + 1, len(work.dates)) if net.group[work.first + j] == net.group[a]]
         if not later:
             continue
-        j, b = later[0], work.first + later[0]
-        one, other = work.dates[k], work.dates[j]
+        j = later[0]
+        b = work.first + later[0]
+        one = work.dates[k]
+        other = work.dates[j]
         name = f"change_{k + 1:02d}_{j + 1:02d}.tif"
         found = write_change(
             staging / name,
@@ -388,7 +392,8 @@ def moved_figures(found: ChangeFigures, left: tuple[float, float]) -> dict[str, 
     """Soil moved between two dates: the mean change of what both saw, for all ground worked."""
     off_m, sigma_m = left
     moved = found.moved
-    mean, sigma = moved.mean_m - off_m, math.hypot(sigma_m, moved.sigma_m)
+    mean = moved.mean_m - off_m
+    sigma = math.hypot(sigma_m, moved.sigma_m)
     still = found.untouched_m
     median = float(np.median(still)) if len(still) else math.nan
     spread = 1.4826 * float(np.median(np.abs(still - median))) if len(still) else math.nan
@@ -430,7 +435,8 @@ def find_standing(cloud: Path, bounds_m: tuple[float, float, float, float]) -> U
 def _uprights_of_tile(file: CloudFile, west: float, south: float) -> Upright:
     reach_m = UPRIGHT_TILE_M + UPRIGHT_MARGIN_M
     box = (west - UPRIGHT_MARGIN_M, south - UPRIGHT_MARGIN_M, west + reach_m, south + reach_m)
-    xyz, ground = [np.zeros((0, 3))], [np.zeros(0, bool)]
+    xyz = [np.zeros((0, 3))]
+    ground = [np.zeros(0, bool)]
     for batch in file.batches(box, UPRIGHT_SPACING_M):
         kept = ~np.isin(batch.classification, _NOT_STANDING) & ~batch.withheld
         xyz.append(batch.xyz_m[kept])
@@ -471,7 +477,8 @@ def open_reference(
     if may_hold_points(path):
         # the points themselves carry the survey's errors
         return Reference(path, None, np.full(6, _SURE), sigma_m or None)
-    file, first = surface_file(path), dates[0].after
+    file = surface_file(path)
+    first = dates[0].after
     heights = {heights_of(surface.crs) for surface in (file, first)}
     if not same_map(file.crs, first.crs) or len(heights - {""}) > 1:
         raise RefusedError("tie-crs.open-reference", path=path, first=first.path)

@@ -50,10 +50,12 @@ def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) 
     outside the domain of the map.
     """
     given = np.array(shapes, object)
-    flat, source = horizontal_part(target), horizontal_part(source)
+    flat = horizontal_part(target)
+    source = horizontal_part(source)
     if source.equals(flat, ignore_axis_order=True):
         return given
-    base, map_base = source.geodetic_crs, flat.geodetic_crs
+    base = source.geodetic_crs
+    map_base = flat.geodetic_crs
     if base is None or map_base is None:
         raise InputError("polygons-crs", what=what, source=source.name, flat=flat.name)
     to_base = Transformer.from_crs(source, base.to_2d(), always_xy=True)
@@ -92,7 +94,8 @@ class Area:
     def contains(self, xy_m: FloatArray) -> BoolArray:
         """Whether points (n, 2) or (n, 3) in map coordinates lie in one of the polygons, and in none of its holes."""
         west, south, east, north = self.bounds_m
-        x, y = xy_m[:, 0], xy_m[:, 1]
+        x = xy_m[:, 0]
+        y = xy_m[:, 1]
         inside = (x >= west) & (y >= south) & (x <= east) & (y <= north)
         if len(self.polygons) < MANY_POLYGONS:
             inside[inside] = shapely.contains_xy(self._prepared, x[inside], y[inside])

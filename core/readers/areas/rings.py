@@ -51,7 +51,8 @@ def rings_of(shapes: Sequence[shapely.Polygon], origin_m: tuple[float, float]) -
     west, south = boxes[:, :2].min(axis=0)
     east, north = boxes[:, 2:].max(axis=0)
     side = max(_RING_CELL_M, math.sqrt((east - west) * (north - south) / _MAX_RING_CELLS))
-    columns, rows = int((east - west) / side) + 1, int((north - south) / side) + 1
+    columns = int((east - west) / side) + 1
+    rows = int((north - south) / side) + 1
     low = ((boxes[:, :2] - (west, south)) / side).astype(np.int64)
     high = ((boxes[:, 2:] - (west, south)) / side).astype(np.int64)
     starts, near = _near_cells(low, high, rows, columns)
@@ -106,8 +107,10 @@ def _rings_at(xs, ys, first, boxes, starts, near, grid, x_m, y_m, among, out):  
         out[n] = -1
         if len(among) and not among[n]:
             continue
-        x, y = x_m[n], y_m[n]
-        i, j = math.floor((y - south) / side), math.floor((x - west) / side)
+        x = x_m[n]
+        y = y_m[n]
+        i = math.floor((y - south) / side)
+        j = math.floor((x - west) / side)
         if i < 0 or j < 0 or i >= rows or j >= columns:
             continue
         cell = i * columns + j
@@ -117,7 +120,8 @@ def _rings_at(xs, ys, first, boxes, starts, near, grid, x_m, y_m, among, out):  
                 continue
             inside = False
             for c in range(first[k], first[k + 1] - 1):
-                y0, y1 = ys[c], ys[c + 1]
+                y0 = ys[c]
+                y1 = ys[c + 1]
                 if (y0 > y) != (y1 > y) and x < xs[c] + (y - y0) / (y1 - y0) * (xs[c + 1] - xs[c]):
                     inside = not inside
             if inside:
@@ -141,7 +145,8 @@ def pixels_in(shape: shapely.Polygon, grid: PixelGrid) -> NDArray[np.bool_]:
     easting, northing = grid.centres_m()
     corners = _corners(shape) - (easting[0], northing[0])
     inside = np.zeros((len(northing), len(easting)), np.bool_)
-    x, y = np.ascontiguousarray(corners[:, 0]), np.ascontiguousarray(corners[:, 1])
+    x = np.ascontiguousarray(corners[:, 0])
+    y = np.ascontiguousarray(corners[:, 1])
     _pixels_in(x, y, easting - easting[0], northing - northing[0], inside)
     return inside
 
@@ -153,7 +158,8 @@ def _pixels_in(xs, ys, x_m, y_m, inside):  # type: ignore[no-untyped-def]
     for i in range(len(y_m)):
         y = y_m[i]
         for c in range(len(xs) - 1):
-            y0, y1 = ys[c], ys[c + 1]
+            y0 = ys[c]
+            y1 = ys[c + 1]
             if (y0 > y) != (y1 > y):
                 crossing = xs[c] + (y - y0) / (y1 - y0) * (xs[c + 1] - xs[c])
                 for j in range(min(len(x_m), max(0, math.ceil(crossing / step)))):

@@ -513,7 +513,8 @@ class TaskDataLog(FileReader):
         off = [_time_sigmas(task.track) for task in tasks]
         sigma_m = np.hypot(assumed_sigma_m(columns["fix"]), np.concatenate([sigma_m for sigma_m, _ in off]))
         columns |= {"sigma_e_m": sigma_m, "sigma_n_m": sigma_m.copy()}
-        source, worst_s = ", ".join(str(path) for path in self.paths), max(time_s for _, time_s in off)
+        source = ", ".join(str(path) for path in self.paths)
+        worst_s = max(time_s for _, time_s in off)
         self.notices.append(
             Notice("positions-of-terminal", source=source, time_s=worst_s, sigma_m=float(np.median(sigma_m)))
         )
@@ -578,7 +579,8 @@ def _time_sigmas(track: GnssTrack) -> tuple[FloatArray, float]:
     metres = METRES_A_DEGREE * np.array([np.cos(np.radians(np.median(track.lat_deg))), 1.0])
     en_m = np.column_stack([unwrapped_deg(track.lon_deg), track.lat_deg]) * metres
     step_s = np.diff(track.t_s)
-    chord_m, chord_s = en_m[2:] - en_m[:-2], step_s[1:] + step_s[:-1]
+    chord_m = en_m[2:] - en_m[:-2]
+    chord_s = step_s[1:] + step_s[:-1]
     speed = np.linalg.norm(chord_m, axis=1) / chord_s
     ahead_m = en_m[1:-1] - en_m[:-2] - chord_m * (step_s[:-1] / chord_s)[:, None]
     moving = (speed > MOVING_MPS) & (chord_s < MAX_CHORD_S)

@@ -97,7 +97,8 @@ class TimeLog:
     def latest(self, channel: int) -> FloatArray:
         """(n,) the raw value at each record, the last one logged; before the first that of the header, else nan."""
         mine = self.channel == channel
-        at, value = self.record[mine], self.value[mine].astype(np.float64)
+        at = self.record[mine]
+        value = self.value[mine].astype(np.float64)
         row = np.searchsorted(at, np.arange(len(self)), side="right") - 1
         before = float(self.header.constants.get(channel, np.nan))
         return np.where(row >= 0, value[np.maximum(row, 0)] if len(value) else np.nan, before)
@@ -144,12 +145,15 @@ def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
         at = offset(letter)
         return np.full(n, layout.fixed.get(letter, np.nan)) if at < 0 else column(at, kind).astype(np.float64)
 
-    lat, lon = 1e-7 * attribute("A", "<i4"), 1e-7 * attribute("B", "<i4")
+    lat = 1e-7 * attribute("A", "<i4")
+    lon = 1e-7 * attribute("B", "<i4")
     nowhere = ~((np.abs(lat) <= 90.0) & (np.abs(lon) <= 180.0)) | ((lat == 0.0) & (lon == 0.0))
     status = attribute("D", "<u1")
     stated = np.isfinite(status) & (status < 9)
     nowhere |= stated & (status == 0)
-    up, hdop, satellites = attribute("C", "<i4"), attribute("F", "<u2"), attribute("G", "<u1")
+    up = attribute("C", "<i4")
+    hdop = attribute("F", "<u2")
+    satellites = attribute("G", "<u1")
     gps_day = attribute("I", "<u2")
     gps_s = EPOCH_S + DAY_S * gps_day + attribute("H", "<u4") / 1000.0
     return TimeLog(
@@ -201,7 +205,8 @@ def read_header(data: bytes, name: str) -> RecordLayout:
             raise InputError("time-log-header.channel", name=name, item=item.get("A")) from None
     if len(channels) > MAX_CHANNELS:
         raise InputError("time-log-header.read-header", name=name, channels=len(channels), most_values=MAX_CHANNELS)
-    open_letters, stated = "", {}
+    open_letters = ""
+    stated = {}
     for letter in _ATTRIBUTE_BYTES:
         if letter in position.attributes:
             try:

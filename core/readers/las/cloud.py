@@ -50,8 +50,13 @@ from furrowmap.core.values.crs import crs_of_file
 from furrowmap.core.values.extents import bounds
 
 _USER_ID: Final = "LASF_Projection"
-_WKT, _KEYS, _DOUBLES, _TEXTS = 2112, 34735, 34736, 34737
-_MODEL, _GEOGRAPHIC, _PROJECTED = 1024, 2048, 3072
+_WKT = 2112
+_KEYS = 34735
+_DOUBLES = 34736
+_TEXTS = 34737
+_MODEL = 1024
+_GEOGRAPHIC = 2048
+_PROJECTED = 3072
 """GeoTIFF keys: model type, code of the geographic CRS, code of the projected CRS (or 32767: user-defined)."""
 _SAME: Final = 1e-3
 """Two CRS are the same if the middle of the file differs by less than this between them, in their unit."""
@@ -264,7 +269,8 @@ def _index(file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz:
     if int(nodes["points"].sum(dtype=np.int64)) != header.points or len(nodes) != len(laz.points):
         stated = f"{int(nodes['points'].sum(dtype=np.int64)):,} points in {len(nodes):,} nodes"
         raise _OctreeError(f"it has {stated}, the file {header.points:,} points in {len(laz.points):,} chunks")
-    level, place = nodes["key"][:, :1], nodes["key"][:, 1:]
+    level = nodes["key"][:, :1]
+    place = nodes["key"][:, 1:]
     if np.any(level < 0) or np.any(level > MAX_LEVEL) or np.any(place < 0) or np.any(place >= 2.0**level):
         raise _OctreeError("a node is outside the cube")
     chunks = np.searchsorted(laz.begins, nodes["offset"].astype(np.int64))
@@ -342,7 +348,8 @@ class Survey:
 
     def notices(self) -> tuple[Notice, ...]:
         """Lost points, and differences between header and points, once all points have been added."""
-        cloud, header = self.cloud, self.cloud.header
+        cloud = self.cloud
+        header = self.cloud.header
         found = list(dict.fromkeys(cloud.lost))
         off = np.maximum(np.abs(np.subtract(header.low, self.low)), np.abs(np.subtract(header.high, self.high)))
         # One step of the scale is rounding, and so is the resolution of a double for large coordinates.
@@ -513,7 +520,8 @@ class TableCloud(CloudFile):
 
 
 def _inside(batch: CloudBatch, box: Box) -> NDArray[np.bool_]:
-    x, y = batch.xyz_m[:, 0], batch.xyz_m[:, 1]
+    x = batch.xyz_m[:, 0]
+    y = batch.xyz_m[:, 1]
     return np.asarray((x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3]))
 
 
@@ -564,7 +572,9 @@ def open_cloud(path: Path) -> CloudFile:
         laz = index = None
         form = "las"
         if header.compressed or said_compressed:
-            laz, form, points = find_points(path, file, header, records), "laz", header.points
+            laz = find_points(path, file, header, records)
+            form = "laz"
+            points = header.points
             if any((record.user, record.number) == ("copc", 1) for record in records):
                 form = "copc"
                 try:
@@ -578,7 +588,8 @@ def open_cloud(path: Path) -> CloudFile:
         extra, extra_notices = extra_dimensions(
             path, records, header.record_bytes - LEAST_RECORD_BYTES[header.point_format]
         )
-        times, count = np.empty(0), min(TIME_SAMPLE, points)
+        times = np.empty(0)
+        count = min(TIME_SAMPLE, points)
         if header.has_time and count and laz is None:
             times = next(_plain(path, file, header, count, count)).view(layout(header))["gps_time"]
         elif header.has_time and count and laz is not None:
@@ -632,7 +643,8 @@ def _runs(wanted: NDArray[np.intp], points: NDArray[np.int64], batch_points: int
         gap = i > start and number != wanted[i - 1] + 1
         if i > start and (gap or total + points[number] > batch_points):
             yield int(wanted[start]), int(wanted[i - 1]) + 1
-            start, total = i, 0
+            start = i
+            total = 0
         total += int(points[number])
     if len(wanted):
         yield int(wanted[start]), int(wanted[-1]) + 1

@@ -59,7 +59,8 @@ class Decoder:
         line = json.dumps(order).encode() + b"\n"
         with self._lock:
             process = self._start()
-            longest_s, began_s = MIN_ORDER_S + size / MIN_BYTES_PER_S, time.monotonic()
+            longest_s = MIN_ORDER_S + size / MIN_BYTES_PER_S
+            began_s = time.monotonic()
             late = Timer(longest_s, process.kill)
             late.start()
             try:
@@ -107,7 +108,8 @@ class Decoder:
         return self._process
 
     def _end(self) -> None:
-        process, self._process = self._process, None
+        process = self._process
+        self._process = None
         if process is not None:
             process.kill()
             process.wait()

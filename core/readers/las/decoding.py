@@ -74,7 +74,8 @@ if sys.platform == "win32":
         limits[14] = MAX_MEMORY_BYTES  # ProcessMemoryLimit
         kernel = ctypes.WinDLL("kernel32")
         kernel.CreateJobObjectW.restype = kernel.GetCurrentProcess.restype = ctypes.c_void_p
-        job, extended = ctypes.c_void_p(kernel.CreateJobObjectW(None, None)), 9
+        job = ctypes.c_void_p(kernel.CreateJobObjectW(None, None))
+        extended = 9
         if kernel.SetInformationJobObject(job, extended, limits, ctypes.sizeof(limits)):
             kernel.AssignProcessToJobObject(job, ctypes.c_void_p(kernel.GetCurrentProcess()))
 

@@ -58,11 +58,13 @@ class _PackedField:
             return cls(said.tag, 32 if said.get("precision") == "single" else 64, True, 0, 1.0, 0.0)  # noqa: FBT003
         if kind not in ("Integer", "ScaledInteger"):
             raise ValueError(f"a field of points is of the type {kind[:20]!r}")
-        low, high = int(said.get("minimum") or -(2**63)), int(said.get("maximum") or 2**63 - 1)
+        low = int(said.get("minimum") or -(2**63))
+        high = int(said.get("maximum") or 2**63 - 1)
         bits = (high - low).bit_length()
         if high < low or _WORD_BITS < bits < 64 or bits > 64:
             raise ValueError(f"a field of points is from {low} to {high}")
-        scale, offset = float(said.get("scale") or 1.0), float(said.get("offset") or 0.0)
+        scale = float(said.get("scale") or 1.0)
+        offset = float(said.get("offset") or 0.0)
         return cls(said.tag, bits, False, low, scale, offset)  # noqa: FBT003
 
     def values(self, data: NDArray[np.uint8], first_bit: int, count: int) -> FloatArray:
@@ -97,10 +99,12 @@ class _Scan:
             if all(end.tag for end in ends):
                 limits[name] = (_number(ends[0]), _number(ends[1]))
         pose = np.eye(3, 4)
-        turn, shift = _child(said, "pose", "rotation"), _child(said, "pose", "translation")
+        turn = _child(said, "pose", "rotation")
+        shift = _child(said, "pose", "translation")
         if turn.tag:
             w, x, y, z = (_number(_child(turn, axis)) for axis in "wxyz")
-            a, b = np.array([x, y, z]), np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            a = np.array([x, y, z])
+            b = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
             pose[:, :3] = (w * w - a @ a) * np.eye(3) + 2.0 * np.outer(a, a) + 2.0 * w * b
         if shift.tag:
             pose[:, 3] = [_number(_child(shift, axis)) for axis in "xyz"]
@@ -228,7 +232,8 @@ class _Pages:
 def _columns(pages: _Pages, scan: _Scan) -> Iterator[dict[str, FloatArray]]:
     """Values by the names of the fields, as many points at a time as the packets of a block hold."""
     head = pages.read(scan.at, 32)
-    kind, (packets,) = head[0], struct.unpack_from("<Q", head, 16)
+    kind = head[0]
+    (packets,) = struct.unpack_from("<Q", head, 16)
     if kind != 1:
         raise ValueError(f"a section of the type {kind} where points should be")
     at = _logical(packets, pages.page_bytes)
@@ -265,7 +270,8 @@ def _columns(pages: _Pages, scan: _Scan) -> Iterator[dict[str, FloatArray]]:
                     del streams[k][:used]
                 if count:
                     yield column
-            done, held = done + n, 0
+            done = done + n
+            held = 0
 
 
 def _logical(place: int, page_bytes: int) -> int:
@@ -299,5 +305,6 @@ def _child(element: Element, *tags: str) -> Element:
 
 def _number(element: Element) -> float:
     """The number in an element; ScaledIntegers hold theirs in steps."""
-    scale, offset = float(element.get("scale") or 1.0), float(element.get("offset") or 0.0)
+    scale = float(element.get("scale") or 1.0)
+    offset = float(element.get("offset") or 0.0)
     return scale * float(element.text or 0.0) + offset

@@ -93,7 +93,8 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     head = _checked_head(path, data, size_bytes)
     encoding, _, version, system, software, day, year, header_bytes, offset, records = head[2:12]
     kind, record_bytes, points = head[12:15]
-    by_return, doubles = head[15:20], head[20:32]
+    by_return = head[15:20]
+    doubles = head[20:32]
     notices = []
     waveforms_at = extended_at = extended = 0
     if version >= 3:
@@ -102,7 +103,8 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
         extended_at, extended, whole, *of_returns = _LAS14_COUNTS.unpack_from(data, 235)
         if points and points != whole:
             notices.append(Notice("legacy-count", path=path.name, whole=whole, points=points))
-        points, by_return = whole or points, tuple(of_returns) if whole else by_return
+        points = whole or points
+        by_return = tuple(of_returns) if whole else by_return
     least = HEADER_BYTES[version]
     if header_bytes < least:
         raise InputError("header-size", path=path, header_bytes=header_bytes, least=least)
@@ -113,7 +115,9 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     shortest = LEAST_RECORD_BYTES[kind & 0x7F]
     if record_bytes < shortest:
         raise InputError("record-length", path=path, record_bytes=record_bytes, kind=kind & 0x7F, shortest=shortest)
-    scale, shift, box = doubles[:3], doubles[3:6], doubles[6:]
+    scale = doubles[:3]
+    shift = doubles[3:6]
+    box = doubles[6:]
     for axis, step, start in zip("xyz", scale, shift, strict=True):
         if not (step >= MIN_SCALE and abs(start) + abs(step) * 2.0**31 <= MAX_COORDINATE):
             raise InputError("scale-impossible", path=path, step=step, start=start, axis=axis)

@@ -26,7 +26,8 @@ from furrowmap.core.runtime.settings import allows
 
 LAZ_USER_ID: Final = "laszip encoded"
 LAZ_RECORD_ID: Final = 22204
-POINTWISE, LAYERED = 2, 3
+POINTWISE = 2
+LAYERED = 3
 """Compressors with chunks that can be decoded independently."""
 VARIABLE_CHUNKS: Final = 0xFFFF_FFFF
 """Chunk size that stands for variable sizes, which are in the chunk table."""
@@ -188,7 +189,8 @@ def decode_chunks(
             try:
                 whole.append(_decode(path, file, laz, number, number + 1))
             except Undecodable as fault:
-                begin, size = int(laz.begins[number]), int(laz.sizes[number])
+                begin = int(laz.begins[number])
+                size = int(laz.sizes[number])
                 where = f"chunk {number + 1} of {len(laz.points):,} (bytes {begin:,} to {begin + size:,})"
                 if not allows("damaged"):
                     raise InputError("laz-chunk-damaged", path=path, where=where, reason=_short(fault)) from None
@@ -201,7 +203,8 @@ def decode_chunks(
 def _decode(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
     """The records of consecutive chunks."""
     _check_layers(file, laz, first, last)
-    begin, end = int(laz.begins[first]), int(laz.begins[last - 1] + laz.sizes[last - 1])
+    begin = int(laz.begins[first])
+    end = int(laz.begins[last - 1] + laz.sizes[last - 1])
     size = int(laz.points[first:last].sum()) * laz.record_bytes
     table = list(zip(laz.points[first:last].tolist(), laz.sizes[first:last].tolist(), strict=True))
     order = {"path": str(resolved(path)), "begin": begin, "bytes": end - begin, "table": table, "vlr": laz.vlr.hex()}
@@ -245,7 +248,9 @@ def _check_layers(file: BinaryIO, laz: LazPoints, first: int, last: int) -> None
         return
     lengths = laz.record_bytes + 4 + 4 * laz.layers
     for number in range(first, last):
-        points, size, begin = int(laz.points[number]), int(laz.sizes[number]), int(laz.begins[number])
+        points = int(laz.points[number])
+        size = int(laz.sizes[number])
+        begin = int(laz.begins[number])
         file.seek(begin)
         data = file.read(lengths)
         if size < lengths or len(data) < lengths:

@@ -68,8 +68,10 @@ def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[TimeKin
     known = sample[np.isfinite(sample) & (sample != 0.0)]
     if not len(known):
         return declared, ()
-    first, last = float(known.min()), float(known.max())
-    week, standard = float(np.mean(_is_week(known))), float(np.mean(_is_standard(known) & ~_is_week(known)))
+    first = float(known.min())
+    last = float(known.max())
+    week = float(np.mean(_is_week(known)))
+    standard = float(np.mean(_is_standard(known) & ~_is_week(known)))
     latest_s = dt.datetime.now(dt.UTC).timestamp() + 366 * DAY_S
     if declared is TimeKind.WEEK and standard > 0.5 and _EARLIEST_UTC <= las_time_to_utc(np.median(known)) <= latest_s:
         return TimeKind.STANDARD, (Notice("gps-time-type", path=path.name, week_s=WEEK_S, first=first, last=last),)

@@ -87,7 +87,8 @@ class PointTable:
             expect_memory(path, 3 * size)
             columns = np.zeros(size, np.uint8)
             if _unpack(data, columns) == size:
-                rows, at = np.zeros(self.points, self.row), 0
+                rows = np.zeros(self.points, self.row)
+                at = 0
                 for name in self.row.names or ():
                     end = at + self.points * self.row[name].itemsize
                     rows[name] = columns[at:end].view(self.row[name].base).reshape(self.points, *self.row[name].shape)
@@ -154,7 +155,8 @@ def batch_of_rows(rows: NDArray[np.void]) -> CloudBatch:
     names = rows.dtype.names or ()
     xyz = np.column_stack([rows[axis].astype(np.float64) for axis in "xyz"])
     known = (np.abs(xyz) <= MAX_COORDINATE).all(axis=1)  # False for nan
-    rows, xyz = rows[known], xyz[known]
+    rows = rows[known]
+    xyz = xyz[known]
     nothing = np.zeros(len(rows), np.uint8)
     classes = next((name for name in _CLASSES if name in names), None)
     return CloudBatch(
@@ -208,7 +210,8 @@ def read_table(path: Path, data: bytes) -> PointTable | None:
 
 def _lines(data: bytes, last: str) -> tuple[list[list[str]], int]:
     """Words of the lines of a header up to the one that begins with `last`, and the offset behind that."""
-    lines, at = [], 0
+    lines = []
+    at = 0
     while True:
         end = data.find(b"\n", at, TABLE_HEADER_BYTES)
         if end < 0:

@@ -114,7 +114,8 @@ class NmeaLog(PositionLog):
     def _read(self, paths: list[Path]) -> LoggedPositions:
         sentences, counts, ends = self._sentences(paths)
         name = recording_name(paths)
-        date, near_s = self.options.date, self.options.near_s
+        date = self.options.date
+        near_s = self.options.near_s
         positions = assemble(sentences, name, date=date, near_s=near_s, place=byte_place(paths, ends))
         if counts.bad or counts.cut:
             damaged = Notice("sentences-damaged", name=name, bad=counts.bad, cut=counts.cut, intact=counts.intact)
@@ -143,7 +144,8 @@ def _note_separation(positions: Sentences, notices: list[Notice], name: str) -> 
     if not len(stated_m):
         return
     middle = len(stated_m) // 2
-    model_m, median_m = coarse_geoid_m(float(lon_deg[middle]), float(lat_deg[middle])), float(np.median(stated_m))
+    model_m = coarse_geoid_m(float(lon_deg[middle]), float(lat_deg[middle]))
+    median_m = float(np.median(stated_m))
     # A receiver that knows the separation states it to a millimetre or a decimetre: it is hardly ever zero.
     sigmas = ZERO_SIGMAS if not stated_m.any() else WRONG_SIGMAS
     off_m = abs(median_m - model_m)
@@ -284,7 +286,8 @@ def _times(
 
 def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]]:
     """UTC and offsets of the valid RMC, else of ZDA, whose calendar may be wrong by years before the first position."""
-    rmc, zda = log.of_kind(Kind.RMC), log.of_kind(Kind.ZDA)
+    rmc = log.of_kind(Kind.RMC)
+    zda = log.of_kind(Kind.ZDA)
     rmc = rmc[rmc.column(Kind.RMC, "valid") == 1.0]
     for kind, found in ((Kind.RMC, rmc), (Kind.ZDA, zda[zda.at >= first_at]), (Kind.ZDA, zda)):
         date_ymd = found.column(kind, "date_ymd")
@@ -299,7 +302,8 @@ def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]
 def _columns(positions: Sentences, t_s: FloatArray, log: Sentences) -> dict[str, NDArray[Any]]:
     """The columns (n,) of the positions, with those of RMC, GST, VTG and HDT at the same times."""
     gga = {column: positions.column(Kind.GGA, column) for column in FIELDS[Kind.GGA]}
-    quality, satellites = gga["quality"], gga["satellites"]
+    quality = gga["quality"]
+    satellites = gga["satellites"]
     columns: dict[str, NDArray[Any]] = {
         "lon_deg": gga["lon_deg"],
         "lat_deg": gga["lat_deg"],

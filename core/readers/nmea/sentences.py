@@ -196,7 +196,8 @@ _MODES = np.frombuffer(b"SMEADPFR", np.uint8)
 """Mode indicators of GNS, the best last; N is no position."""
 _QUALITIES = np.array([8.0, 7.0, 6.0, 1.0, 2.0, 3.0, 5.0, 4.0])
 """The quality that GGA gives each of them."""
-_FIELD_1, _FIELD_8 = np.int64(1), np.int64(8)
+_FIELD_1 = np.int64(1)
+_FIELD_8 = np.int64(8)
 _ADDRESSES = np.frombuffer(b"GGARMCGSTVTGHDTZDAGNS", np.uint8).reshape(-1, 3)
 _NUMBERS = np.full((len(Kind), COLUMNS), -1)
 """The field of the number in each column; -1 where it is not a number, or calculated."""
@@ -212,7 +213,8 @@ for _kind, _columns, _fields in (
     (Kind.PASHR, [1, 2, 3], [1, 3, 4]),
 ):
     _NUMBERS[_kind, _columns] = _fields
-_SMALL_A, _SMALL_F = np.int64(ord("a")), np.int64(ord("f"))
+_SMALL_A = np.int64(ord("a"))
+_SMALL_F = np.int64(ord("f"))
 
 
 @kernel()
@@ -277,7 +279,9 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     """Read the sentence at `i` into `row` if it is of a known kind; number of rows (0, 1, or 2 of PUBX,00)."""
     if i + 7 > end:
         return 0
-    a, b, c = data[i + 3], data[i + 4], data[i + 5]
+    a = data[i + 3]
+    b = data[i + 4]
+    c = data[i + 5]
     is_pubx = data[i + 1] == _P and data[i + 2] == _U and a == _B and b == _X and c == _COMMA
     is_pubx = is_pubx and i + 9 <= end and data[i + 8] == _COMMA
     is_pashr = data[i + 1] == _P and data[i + 2] == _A and a == _S and b == _H and c == _R
@@ -437,7 +441,8 @@ def _state_quality(data: Any, begin: int, end: int) -> Any:
     """The quality that GGA gives a navigation status of PUBX,00: G2, G3, D2, D3, RK (with dead reckoning), DR."""
     if end - begin != 2:
         return 0.0
-    a, b = data[begin], data[begin + 1]
+    a = data[begin]
+    b = data[begin + 1]
     if a == _D and b == _R:
         return 6.0
     if (a == _G and b != _R) or (a == _R and b == _K):

@@ -42,15 +42,20 @@ from furrowmap.core.values.pose_track import PoseTrack
 MAX_CONTENT_BYTES: Final = 16384
 """Largest content of a binary message; observations of all satellites have half of it."""
 MAX_TEXT_BYTES: Final = 32768
-_LONG_HEADER, _SHORT_HEADER, _UNICORE_HEADER, _CRC_BYTES = 28, 12, 24, 4
-_SHORT, _UNICORE = 0x13, 0xB5
+_LONG_HEADER = 28
+_SHORT_HEADER = 12
+_UNICORE_HEADER = 24
+_CRC_BYTES = 4
+_SHORT = 0x13
+_UNICORE = 0xB5
 """Third bytes of binary messages with other headers than the long one."""
 _COARSE: Final = 100
 """Time status from which the receiver knows the time to 10 ms or better."""
 _OLDEST_WEEK: Final = 520
 """Of Unicore's binary messages: their receivers count from 0 or 1 until they know the week."""
 _TIME_UNKNOWN: Final = frozenset((b"UNKNOWN", b"APPROXIMATE", b"COARSEADJUSTING"))
-_BEIDOU_WEEK, _BEIDOU_MS = 1356, 14_000
+_BEIDOU_WEEK = 1356
+_BEIDOU_MS = 14_000
 """BeiDou time 0 as GPS time."""
 
 SOL_COMPUTED: Final = 0
@@ -175,7 +180,9 @@ def scan_bytes(
     If the piece is not the last, an unfinished message at its end is left for the next one.
     """
     found: dict[str, _Found] = defaultdict(lambda: _Found([], []))
-    spans, at, used = [0], 0, len(data)
+    spans = [0]
+    at = 0
+    used = len(data)
     while (start := _START.search(data, at)) is not None:
         begin = start.start()
         is_text = data[begin] != 0xAA
@@ -249,13 +256,17 @@ def _text_time(header: list[bytes]) -> int:
     beidou = False
     try:
         if len(header) == 2:  # the short header
-            week, ms = int(header[0]), round(1000.0 * float(header[1]))
+            week = int(header[0])
+            ms = round(1000.0 * float(header[1]))
         elif header[1] in (b"GPS", b"BDS"):  # Unicore's
             beidou = header[1] == b"BDS"
-            known, week, ms = header[2] not in _TIME_UNKNOWN, int(header[3]), int(header[4])
+            known = header[2] not in _TIME_UNKNOWN
+            week = int(header[3])
+            ms = int(header[4])
             week = week if known else 0
         else:
-            week, ms = int(header[4]), round(1000.0 * float(header[5]))
+            week = int(header[4])
+            ms = round(1000.0 * float(header[5]))
             week = week if header[3] not in _TIME_UNKNOWN else 0
     except (ValueError, IndexError, OverflowError):
         return -1
@@ -277,17 +288,24 @@ def _take_binary(
     stop = end - _CRC_BYTES
     if crc(memoryview(data)[begin:stop]) != int.from_bytes(data[stop:end], "little"):
         return False
-    number, third = data[begin + 4] | data[begin + 5] << 8, data[begin + 2]
+    number = data[begin + 4] | data[begin + 5] << 8
+    third = data[begin + 2]
     name = (UNICORE_NAMES if third == _UNICORE else NAMES).get(number, f"message {number}")
     counts.kinds[name] += 1
-    response, beidou, known = False, False, True
+    response = False
+    beidou = False
+    known = True
     if third == _SHORT:
-        header, (week, ms) = _SHORT_HEADER, struct.unpack_from("<HI", data, begin + 6)
+        header = _SHORT_HEADER
+        week, ms = struct.unpack_from("<HI", data, begin + 6)
     elif third == _UNICORE:
-        header, (week, ms) = _UNICORE_HEADER, struct.unpack_from("<HI", data, begin + 10)
-        beidou, known = data[begin + 8] == 1, week > _OLDEST_WEEK
+        header = _UNICORE_HEADER
+        week, ms = struct.unpack_from("<HI", data, begin + 10)
+        beidou = data[begin + 8] == 1
+        known = week > _OLDEST_WEEK
     else:
-        header, response = data[begin + 3], data[begin + 6] & 0x80 > 0
+        header = data[begin + 3]
+        response = data[begin + 6] & 0x80 > 0
         week, ms = struct.unpack_from("<HI", data, begin + 14)
         known = data[begin + 13] >= _COARSE
     if name in LAYOUTS and not response:

@@ -122,14 +122,16 @@ def looks_like_data(datagrams: Datagrams) -> Counter[PacketSender]:
     found: Counter[PacketSender] = Counter()
     for length in set(np.unique(datagrams.length).tolist()) & set(data_lengths()):
         at = np.flatnonzero(datagrams.length == length)
-        offset, senders = datagrams.offset[at], datagrams.sender[at].tolist()
+        offset = datagrams.offset[at]
+        senders = datagrams.sender[at].tolist()
         if data_lengths()[length]:
             size = length // _PACKET_COLUMNS
             first, second = (heads(datagrams.data, offset + k * size, legacy=True, fusa=False) for k in (0, 1))
             sound = (second.frame == first.frame) & (second.column == first.column + 1)
             found.update(PacketSender(senders[i], length) for i in np.flatnonzero(sound).tolist())
             continue
-        kind, second_byte = datagrams.data[offset], datagrams.data[offset + 1]
+        kind = datagrams.data[offset]
+        second_byte = datagrams.data[offset + 1]
         for fusa, sound in ((False, (kind == 1) & (second_byte == 0)), (True, (kind == 1) & (second_byte != 0))):
             head = heads(datagrams.data, offset[sound], legacy=False, fusa=fusa)
             rows = zip(np.flatnonzero(sound).tolist(), head.serial.tolist(), head.init_id.tolist(), strict=True)
@@ -187,7 +189,8 @@ class OusterReader(FileReader, ABC):
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report what it contains, of several sensors the first one."""
-        decoder, others = self._decoder(), Counter[str]()
+        decoder = self._decoder()
+        others = Counter[str]()
         for _ in self._read(self.paths[:1], decoder, others):
             pass
         facts: dict[str, Any] = decoder.facts() | {
@@ -301,7 +304,8 @@ def sensors_and_time(
         InputError: if there are no packets of an Ouster, no metadata of their sensor, or no sensor of that name.
     """
     found: Counter[PacketSender] = Counter()
-    first, tai_s = list[Datagrams](), None
+    first = list[Datagrams]()
+    tai_s = None
     rest = iter(blocks)
     for datagrams in rest:
         first.append(_beginnings(datagrams))
@@ -320,7 +324,8 @@ def sensors_and_time(
     sensors = chosen_by_source(sensors, path, source)
     sender, metadata = sensors[0]
     stamps, times = zip(*(_times_of(datagrams, sender, metadata) for datagrams in first), strict=True)
-    stamp_ns, host_s = np.concatenate(stamps), np.concatenate(times)
+    stamp_ns = np.concatenate(stamps)
+    host_s = np.concatenate(times)
     while not (stamp_ns > 0).any() and (further := next(rest, None)) is not None:  # no valid column so far
         stamp_ns, host_s = _times_of(further, sender, metadata)
     time, clock_notices = settle(stamp_ns, host_s, metadata, tai_s)
@@ -356,7 +361,8 @@ def sensors_of(
     """
     largest = max(found.values())
     sensors: dict[int, OusterSensor] = {}
-    unknown, notices = [], []
+    unknown = []
+    notices = []
     for sender, count in found.most_common():
         key = sender.serial or -sender.sender
         if count < _STRAY_SHARE * largest or key in sensors:
@@ -365,7 +371,8 @@ def sensors_of(
         if not fitting:
             unknown.append(sender.name)
             continue
-        stem, its = path.name.partition(".pcap")[0].casefold(), Path(fitting[0].name).stem.casefold()
+        stem = path.name.partition(".pcap")[0].casefold()
+        its = Path(fitting[0].name).stem.casefold()
         named = stem.startswith(its) or its.startswith(stem)
         if not sender.serial and not named:
             if any(not fitting[0].same_geometry(other) for other in fitting[1:]):

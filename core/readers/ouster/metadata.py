@@ -61,7 +61,8 @@ STAMP: Final = (1 << 62) - 1
 """Bits of a stamp that are used: those of the years to 2116."""
 _HEADER_BYTES: Final = 32
 """Of header and footer of a packet."""
-_MODERN_COLUMN, _LEGACY_COLUMN = 12, 16
+_MODERN_COLUMN = 12
+_LEGACY_COLUMN = 16
 _LEGACY_STATUS: Final = 4
 _MAX_COLUMNS: Final = 4096
 _MAX_BYTES: Final = 1 << 20
@@ -157,7 +158,8 @@ class Metadata:
     @cached_property
     def layout(self) -> NDArray[np.int64]:
         """(9,) begin and length of columns, begin of pixels, pixel, bits, step, reflectivity, second, status."""
-        p, legacy = PROFILES[self.profile], self.profile == LEGACY
+        p = PROFILES[self.profile]
+        legacy = self.profile == LEGACY
         head = _LEGACY_COLUMN if legacy else _MODERN_COLUMN
         size = head + len(self.elevation_deg) * p.pixel_bytes + (_LEGACY_STATUS if legacy else 0)
         status_at = size - _LEGACY_STATUS if legacy else 10
@@ -166,7 +168,8 @@ class Metadata:
     @cached_property
     def beams(self) -> FloatArray:
         """(n, 5) direction of each beam at column 0 in the lidar frame; columns by which it is ahead; its rank."""
-        elevation, azimuth = np.radians(self.elevation_deg), -np.radians(self.azimuth_deg)
+        elevation = np.radians(self.elevation_deg)
+        azimuth = -np.radians(self.azimuth_deg)
         ahead = np.round(self.azimuth_deg * (self.columns / 360.0))
         rank = np.empty(len(elevation))
         rank[np.argsort(self.elevation_deg, kind="stable")] = np.arange(len(elevation))
@@ -177,7 +180,10 @@ class Metadata:
     def turned(self) -> FloatArray:
         """(columns, 3, 4) of each column, from directions at column 0 to the sensor frame, and its beams' origin."""
         angle = 2.0 * math.pi * (1.0 - np.arange(self.columns) / self.columns)
-        cos, sin, zero, one = np.cos(angle), np.sin(angle), np.zeros(self.columns), np.ones(self.columns)
+        cos = np.cos(angle)
+        sin = np.sin(angle)
+        zero = np.zeros(self.columns)
+        one = np.ones(self.columns)
         turn = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
         rotation = self.to_sensor[:, :3]
         origin = turn @ (self.beam_m[0], 0.0, self.beam_m[1])
@@ -196,10 +202,12 @@ class Metadata:
             return None
         if not isinstance(said, Mapping):
             return None
-        beams, info = _table(said, "beam_intrinsics"), _table(said, "sensor_info")
+        beams = _table(said, "beam_intrinsics")
+        info = _table(said, "sensor_info")
         if "beam_altitude_angles" not in beams:
             return None
-        config, layout = _table(said, "config_params"), _table(said, "lidar_data_format", "data_format")
+        config = _table(said, "config_params")
+        layout = _table(said, "lidar_data_format", "data_format")
         try:
             return _metadata(name, beams, info, config, layout, _table(said, "lidar_intrinsics"))
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
@@ -241,7 +249,8 @@ def _metadata(
     layout: Mapping[str, Any],
     lidar: Mapping[str, Any],
 ) -> Metadata:
-    elevation, azimuth = _numbers(beams["beam_altitude_angles"]), _numbers(beams["beam_azimuth_angles"])
+    elevation = _numbers(beams["beam_altitude_angles"])
+    azimuth = _numbers(beams["beam_azimuth_angles"])
     mode = str(config.get("lidar_mode") or info.get("lidar_mode") or "")
     columns = int(layout.get("columns_per_frame") or mode.partition("x")[0])
     first, last = (int(end) for end in layout.get("column_window") or (0, columns - 1))
@@ -300,7 +309,8 @@ def metadata_beside(path: Path) -> tuple[list[Metadata], list[str]]:
     texts = sorted(
         found_beside(path.parent, "*.json"), key=lambda other: (-_alike(other.stem.casefold(), stem), other.name)
     )
-    found, faults = [], []
+    found = []
+    faults = []
     for other in texts[:_MAX_FILES]:
         try:
             if other.stat().st_size <= _MAX_BYTES:
@@ -322,7 +332,8 @@ FROM_PULSE: Final = "TIME_FROM_SYNC_PULSE_IN"
 PTP_PORT: Final = 320
 _ANNOUNCE: Final = 0x0B
 _ANNOUNCE_BYTES: Final = 64
-_OFFSET_VALID, _PTP_TIMESCALE = 0x04, 0x08
+_OFFSET_VALID = 0x04
+_PTP_TIMESCALE = 0x08
 _OFFSET_AT: Final = 44
 _EPOCH_NS: Final = 946_684_800 * 10**9
 """2000-01-01: smaller stamps count from the sensor's start."""

@@ -34,13 +34,17 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-_HEADER, _CHUNK, _METADATA = b"OSF$", b"OSF!", b"OSF#"
+_HEADER = b"OSF$"
+_CHUNK = b"OSF!"
+_METADATA = b"OSF#"
 """Identifiers of the parts."""
 _SENSOR_ENTRY: Final = "ouster/v1/os_sensor/LidarSensor"
 _SCAN_STREAM: Final = "ouster/v1/os_sensor/LidarScanStream"
-_RANGES, _BRIGHTS = (1, 2), (5, 6)
+_RANGES = (1, 2)
+_BRIGHTS = (5, 6)
 """Numbers of the fields RANGE, RANGE2, REFLECTIVITY and REFLECTIVITY2."""
-_PNG, _ZPNG = b"\x89PNG", b"\xf8\xfb"
+_PNG = b"\x89PNG"
+_ZPNG = b"\xf8\xfb"
 _ZPNG_HEADER: Final = struct.Struct("<2sHHBB")
 _MAX_PART_BYTES: Final = 1 << 28
 _MAX_SHARED: Final = 4
@@ -242,7 +246,8 @@ def _header(file: BinaryIO, path: Path) -> tuple[int, int]:
         raise _damaged(path, "its header is damaged")
     try:
         root = _FlatTable.root(header)
-        end, finished = root.number(2, "Q"), root.number(1, "B") == 2 and root.number(3, "Q") == path.stat().st_size
+        end = root.number(2, "Q")
+        finished = root.number(1, "B") == 2 and root.number(3, "Q") == path.stat().st_size
     except _OSF_FAULTS:
         raise _damaged(path, "its header is damaged") from None
     if not finished or not begin <= end < path.stat().st_size:
@@ -327,10 +332,12 @@ def _packets_of(message: _FlatTable, stream: _Stream) -> tuple[ByteArray, IntArr
     m = stream.metadata
     turn = _FlatTable.root(message.vector(2, "u1").tobytes())
     images = dict(zip((turn.vector(1, "<u2") & 0xFF).tolist(), turn.tables(0), strict=True))
-    stamp_ns, status = turn.vector(2, "<u8"), turn.vector(4, "<u4") & 1
+    stamp_ns = turn.vector(2, "<u8")
+    status = turn.vector(4, "<u4") & 1
     if len(stamp_ns) != m.columns or len(status) != m.columns or _RANGES[0] not in images:
         raise ValueError("a turn of another size")
-    blocks, beams = m.columns // m.packet_columns, len(m.beams)
+    blocks = m.columns // m.packet_columns
+    beams = len(m.beams)
     pixels = np.zeros((m.columns, beams, 16), np.uint8)
     for k in range(2):
         if _RANGES[k] in images:

@@ -73,7 +73,9 @@ class OusterDecoder:
         m = self.metadata
         head = m.heads(data, offset)
         kept = self._in_order(head) & (head.stamp_ns > 0)  # without a valid column the stamp is 0
-        offset, host_s, head = offset[kept], host_s[kept], Heads(*(values[kept] for values in head))
+        offset = offset[kept]
+        host_s = host_s[kept]
+        head = Heads(*(values[kept] for values in head))
         if not len(offset):
             return []
         if self.time is None:
@@ -81,7 +83,9 @@ class OusterDecoder:
         self._check_columns(head)
         shift_ns = self._note_times(head, host_s)
         scan, ends = self._decode(data, offset, shift_ns)
-        scans, begin, start = [], 0, 0
+        scans = []
+        begin = 0
+        start = 0
         turned = np.flatnonzero(np.diff(head.frame)) + 1
         if self._open_packets and head.frame[0] != self._open_frame:
             scans += self._close(cut=self._begun)
@@ -91,7 +95,8 @@ class OusterDecoder:
             self._open_packets += packet - begin
             scans += self._close(cut=self._begun)
             self._begun = False
-            begin, start = packet, stop
+            begin = packet
+            start = stop
         self._open.append(scan[start:])
         self._open_packets += len(offset) - begin
         self._open_frame = int(head.frame[-1])
@@ -120,7 +125,8 @@ class OusterDecoder:
                 self.counts.late += 1
                 kept[i] = False
             else:
-                frame, column = this, first
+                frame = this
+                column = first
         return kept
 
     def _check_columns(self, head: Heads) -> None:
@@ -134,7 +140,9 @@ class OusterDecoder:
 
     def _note_times(self, head: Heads, host_s: FloatArray) -> IntArray:
         """Nanoseconds to subtract from the stamps (m,) of each packet; gaps, pauses and jumps are counted."""
-        m, counts, per_turn = self.metadata, self.counts, self.metadata.frame_packets
+        m = self.metadata
+        counts = self.counts
+        per_turn = self.metadata.frame_packets
         assert self.time is not None
         blocks = -(-m.columns // m.packet_columns)
         place = (head.column // m.packet_columns - m.window[0] // m.packet_columns) % blocks
@@ -176,7 +184,8 @@ class OusterDecoder:
         """All returns of packets (m,) as one scan, and the number of them (m,) up to the end of each packet."""
         m = self.metadata
         slots = len(offset) * m.packet_columns * len(m.beams) * (2 if m.layout[7] else 1)
-        t_s, xyz = np.empty(slots), np.empty((slots, 3), np.float32)
+        t_s = np.empty(slots)
+        xyz = np.empty((slots, 3), np.float32)
         column = np.empty(slots, np.uint16)
         intensity, laser, number, returns = np.empty((4, slots), np.uint8)
         ends = np.empty(len(offset), np.int64)
@@ -195,14 +204,17 @@ class OusterDecoder:
     def _close(self, *, cut: bool = False) -> list[Scan]:
         """The scan of the turn that ends, which the start or the end of the recording may have `cut`."""
         whole = not cut and self._open_packets >= _WHOLE_SHARE * self.metadata.frame_packets
-        pieces, self._open, self._open_packets = [piece for piece in self._open if len(piece)], [], 0
+        pieces = [piece for piece in self._open if len(piece)]
+        self._open = []
+        self._open_packets = 0
         if not pieces:
             return []
         return [self.counts.numbered(Scan.joined(pieces), whole=whole)]
 
     def facts(self) -> dict[str, Any]:
         """What `inspect` reports of the sensor."""
-        m, counts = self.metadata, self.counts
+        m = self.metadata
+        counts = self.counts
         return {
             "model": m.product or None,
             "serial": str(m.serial) if m.serial else None,
@@ -267,7 +279,10 @@ def _decode(  # type: ignore[no-untyped-def]
             for k in range(len(beams)):
                 slot = at + head + k * pixel
                 first = (_number(data, slot, wide) & mask) * step
-                near, bright, far, bright_far = first, data[slot + bright_at], np.int64(0), np.uint8(0)
+                near = first
+                bright = data[slot + bright_at]
+                far = np.int64(0)
+                bright_far = np.uint8(0)
                 if second_at:
                     far = (_number(data, slot + second_at, wide) & mask) * step
                     bright_far = data[slot + second_at + bright_at]

@@ -81,7 +81,8 @@ class PoseCsv(PoseFile):
             rows = file.rows(schema, outside_key="value-out-of-range.poses")
         if len(rows) < 2:
             raise InputError("no-poses", path=path, found=f"{len(rows)} complete rows below the header")
-        time, stated = columns[0], self.options.time
+        time = columns[0]
+        stated = self.options.time
         if stated is not None and stated != ("utc" if time == "time_unix_s" else "gps"):
             raise InputError("time-contradicted", path=path, column=time, stated=stated)
         return RawPoses(

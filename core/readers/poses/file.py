@@ -58,7 +58,8 @@ class RawPoses:
                 raise
             notices.append(Notice.from_error(error))
             track = self._in_order(unroll(self.seconds, WEEK_S), notices)
-            first, last = round(float(track.t_s[0]), 3), round(float(track.t_s[-1]), 3)
+            first = round(float(track.t_s[0]), 3)
+            last = round(float(track.t_s[-1]), 3)
             return {"seconds_of_week": [first, last], **timing_facts(track.t_s), **pose_facts(track)}, ()
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), self.scale_note)
         return {**utc_facts(track.t_s), **timing_facts(track.t_s), **pose_facts(track)}, (clock,)
@@ -97,7 +98,8 @@ class RawPoses:
         far[~far] = strays(t_s[~far], xyz_m[~far], np.zeros(int((~far).sum())))
         if not far.any():
             return t_s, values
-        count, first = int(far.sum()), int(np.flatnonzero(far)[0])
+        count = int(far.sum())
+        first = int(np.flatnonzero(far)[0])
         found = {"far": count, "far_count": len(far), "far_2": first + 1, "t_s": iso_utc(t_s[first])}
         if 2 * count > len(far):
             raise InputError("positions-impossible.near", name=self.name, **found)

@@ -15,7 +15,14 @@ from furrowmap.core.runtime.memory import expect_rows
 SBET_FIELDS: Final = 17
 RECORD_BYTES: Final = 8 * SBET_FIELDS
 CHUNK_RECORDS: Final = 1 << 16
-TIME, LAT, LON, HEIGHT, ROLL, PITCH, HEADING, WANDER = 0, 1, 2, 3, 7, 8, 9, 10
+TIME = 0
+LAT = 1
+LON = 2
+HEIGHT = 3
+ROLL = 7
+PITCH = 8
+HEADING = 9
+WANDER = 10
 """Indices of the fields that are read."""
 
 FIELD_RANGES: Final = {

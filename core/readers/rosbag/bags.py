@@ -74,11 +74,14 @@ class ImageLog:
     """Images collected from the messages of one topic, those nearer than `every_s` to the one before left out."""
 
     def __init__(self, every_s: float, *, kept: bool) -> None:
-        self._every_s, self._kept = every_s, kept
+        self._every_s = every_s
+        self._kept = kept
         self._file = scratch_file() if kept else None
         self._rows: list[tuple[str, int, int, RawLayout | None]] = []
         self._times: list[tuple[float, float]] = []
-        self.encoding, self.size, self.left_out = "", "", 0
+        self.encoding = ""
+        self.size = ""
+        self.left_out = 0
 
     def add(self, content: Any, message: BagMessage) -> None:
         """Add one message; Damage if its encoding is not supported, or its bytes are not such an image."""
@@ -87,9 +90,11 @@ class ImageLog:
             self.left_out += 1
             return
         data = np.asarray(content.data, np.uint8).tobytes()
-        layout, suffix = None, ".raw"
+        layout = None
+        suffix = ".raw"
         if hasattr(content, "encoding"):
-            step, big_endian = int(content.step), bool(content.is_bigendian)
+            step = int(content.step)
+            big_endian = bool(content.is_bigendian)
             layout = RawLayout(int(content.width), int(content.height), step, str(content.encoding), big_endian)
             fault = layout_fault(layout, len(data))
             if fault or layout.width * layout.height > MAX_PIXELS:
@@ -141,7 +146,8 @@ def camera_of_info(content: Any, topic: str) -> Camera:
     if max(content.binning_x, content.binning_y) > 1 or content.roi.x_offset or content.roi.y_offset:
         raise ValueError("it states binning or a region of interest")
     if "rect" in _COMPRESSED_TOPIC.sub("", topic).rpartition("/")[2]:
-        k, d = p[[0, 1, 2, 4, 5, 6, 8, 9, 10]], np.zeros(0)
+        k = p[[0, 1, 2, 4, 5, 6, 8, 9, 10]]
+        d = np.zeros(0)
     if not (np.isfinite(k).all() and k[0] > 0.0 and k[4] > 0.0):
         raise ValueError("its matrix K is 0: the camera is not calibrated")
     known = content.distortion_model in ("plumb_bob", "rational_polynomial", "")
@@ -179,7 +185,8 @@ class _PacketMessages(ABC):
         if not self._held:
             return []
         payloads = [payload for payload, _ in self._held]
-        length, host_s = np.array([len(payload) for payload in payloads]), np.array([at_s for _, at_s in self._held])
+        length = np.array([len(payload) for payload in payloads])
+        host_s = np.array([at_s for _, at_s in self._held])
         self._held = []
         senders = np.zeros(len(length), np.uint64)
         return self._decode(Datagrams(np.concatenate(payloads), np.cumsum(length) - length, length, host_s, senders))
@@ -216,7 +223,8 @@ class PacketScans(_PacketMessages):
 
     def facts(self) -> dict[str, Any]:
         """What `inspect` reports."""
-        counts, model = self._decoder.counts, self._decoder.model
+        counts = self._decoder.counts
+        model = self._decoder.model
         return {
             "model": model.name if model else None,
             **self._decoder.angles,
@@ -239,7 +247,9 @@ class OusterMessages(_PacketMessages):
 
     def __init__(self, path: Path, texts: Sequence[tuple[str, str]], options: ReadOptions) -> None:
         super().__init__()
-        self._path, self._texts, self._options = path, texts, options
+        self._path = path
+        self._texts = texts
+        self._options = options
         self._decoder: OusterDecoder | None = None
         self._length = 0
         self._uncertain: list[Notice] = []
@@ -262,7 +272,8 @@ class OusterMessages(_PacketMessages):
         found = looks_like_data(packets)
         if not found:
             raise InputError("no-packets", paths=self._path, frames=f"{len(packets):,} other messages")
-        told, faults = list[Metadata](), list[str]()
+        told = list[Metadata]()
+        faults = list[str]()
         for name, text in self._texts:
             try:
                 metadata = Metadata.parse(text, f"{self._path.name} {name}")
@@ -369,7 +380,8 @@ class BagFiles:
         except OSError as error:
             self.notices.append(Notice("bag-no-metadata", file=file, reason=error.strerror))
             return []
-        files, messages = _FILES.search(text), _MESSAGES.search(text)
+        files = _FILES.search(text)
+        messages = _MESSAGES.search(text)
         if files is None or messages is None:
             self.notices.append(Notice("bag-metadata-damaged", file=file))
             return []
@@ -491,7 +503,8 @@ class _RosBag(FileReader):
         if len(self.paths) > 1:
             return type(self)(self.paths[:1], self.options).inspect()
         topics = self._found()
-        first_s, last_s = min(t.first_ns for t in topics) * 1e-9, max(t.last_ns for t in topics) * 1e-9
+        first_s = min(t.first_ns for t in topics) * 1e-9
+        last_s = max(t.last_ns for t in topics) * 1e-9
         facts: dict[str, Any] = {
             "messages": sum(topic.messages for topic in topics),
             "first": iso_utc(first_s),
@@ -615,7 +628,8 @@ class _RosBag(FileReader):
         if chosen.type == ros.SENTENCE:
             log = self._collect(chosen, ros.SentenceLog())
             positions = log.positions(self._source(chosen), self.options.date)
-            track, fault = positions.track, positions.fault
+            track = positions.track
+            fault = positions.fault
             if fault is None:
                 self._add_notices(*positions.notices)
             else:

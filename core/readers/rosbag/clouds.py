@@ -45,7 +45,8 @@ class LineScans:
         """
         ranges = np.asarray(content.ranges, np.float64)
         n = len(ranges)
-        first, step = float(content.angle_min), float(content.angle_increment)
+        first = float(content.angle_min)
+        step = float(content.angle_increment)
         each_s = float(content.time_increment)
         if not np.isfinite((first, step, each_s)).all() or abs(step) * n > 4.0 * np.pi or n > np.iinfo(np.uint16).max:
             raise Damage(f"{n} ranges from an angle of {first:g} rad in steps of {step:g} rad are no sweep")
@@ -57,7 +58,8 @@ class LineScans:
             return []
         self._last_s = at_s
         self._untimed += n > 1 and each_s == 0.0
-        self._span_deg, self._step_deg = np.degrees(abs(step) * n), np.degrees(abs(step))
+        self._span_deg = np.degrees(abs(step) * n)
+        self._step_deg = np.degrees(abs(step))
         with np.errstate(invalid="ignore"):
             returned = (ranges >= content.range_min) & (ranges <= content.range_max) & (ranges > 0.0)
         self._firings += n
@@ -97,7 +99,8 @@ class LineScans:
 
     def notices(self) -> list[Notice]:
         """What the messages lack, and how many were skipped."""
-        source, found = self._source, []
+        source = self._source
+        found = []
         if self._far:
             found.append(Notice("points-invalid.far", source=source, far=self._far, farthest_m=MAX_RANGE_M))
         if self._untimed:
@@ -182,7 +185,8 @@ class CloudScans:
         self._last_s = at_s
         ring = points["ring"] if "ring" in names else None
         layout = _columns_of_layout(points.shape, ring)
-        xyz, points = np.column_stack([x[returned], y[returned], z[returned]]), points[returned]
+        xyz = np.column_stack([x[returned], y[returned], z[returned]])
+        points = points[returned]
         n = len(points)
         self._ringed = self._ringed and ring is not None
         laser = np.clip(points["ring"], 0, 255).astype(np.uint8) if ring is not None else np.zeros(n, np.uint8)
@@ -191,7 +195,10 @@ class CloudScans:
         if apart.any():
             self._invalid["times apart from the others"] += int(np.count_nonzero(apart))
             returned[returned] = ~apart
-            t_s, laser, points, xyz = t_s[~apart], laser[~apart], points[~apart], xyz[~apart]
+            t_s = t_s[~apart]
+            laser = laser[~apart]
+            points = points[~apart]
+            xyz = xyz[~apart]
         if layout is None:
             order = np.argsort(t_s, kind="stable")
             column = _columns_of_times(t_s[order], laser[order])
@@ -256,7 +263,8 @@ class CloudScans:
 
     def notices(self) -> list[Notice]:
         """What the messages lack, and how many were skipped."""
-        source, found = self._source, []
+        source = self._source
+        found = []
         if any(self._invalid.values()):
             found.append(Notice("points-invalid", source=source, reasons=self._reasons()))
         if self._untimed:
@@ -294,7 +302,9 @@ def _points(content: Any) -> NDArray[Any]:
     byte_order = ">" if content.is_bigendian else "<"
     there = {str(field.name): field for field in content.fields}
     wanted = {axis: (axis,) for axis in "xyz"} | FIELD_NAMES
-    names, formats, offsets = [], [], []
+    names = []
+    formats = []
+    offsets = []
     for name, spellings in wanted.items():
         field = next((there[spelling] for spelling in spellings if spelling in there), None)
         if field is None or int(field.datatype) not in _DATATYPES:

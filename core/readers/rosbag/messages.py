@@ -131,7 +131,8 @@ class ImuLog(_RowLog):
         """Add one message; Damage if its values are no numbers, NotMeasured if it states that it has no such values."""
         if lacking := unmeasured(content):
             raise NotMeasured(lacking)
-        rate, force = content.angular_velocity, content.linear_acceleration
+        rate = content.angular_velocity
+        force = content.linear_acceleration
         values = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
         if not np.isfinite(values).all():
             raise Damage("its angular velocity or linear acceleration is not a number")
@@ -185,7 +186,10 @@ class AttitudeLog(_RowLog):
 def _orientation(content: Any) -> tuple[float, ...]:
     """The rotation (w, x, y, z) from forward, left, up to east, north, up; nan where it is not measured."""
     if hasattr(content, "q0"):
-        w, x, y, z = content.q0, content.q1, content.q2, content.q3
+        w = content.q0
+        x = content.q1
+        y = content.q2
+        z = content.q3
         # (w, x, -y, -z) is the rotation to north, west, up: a quarter turn about up is left
         return tuple(math.sqrt(0.5) * part for part in (w + z, x + y, x - y, w - z))
     if hasattr(content, "orientation_covariance") and content.orientation_covariance[0] == NOT_MEASURED:
@@ -296,7 +300,9 @@ class FixLog(_RowLog):
 
     def add(self, content: Any, message: BagMessage) -> None:
         """Add one message; Damage if its coordinates are out of range."""
-        lat, lon, height = float(content.latitude), float(content.longitude), float(content.altitude)
+        lat = float(content.latitude)
+        lon = float(content.longitude)
+        height = float(content.altitude)
         if abs(lat) > 90.0 or abs(lon) > 360.0:
             raise Damage(f"latitude {lat:g} or longitude {lon:g} is out of range")
         sigma = np.full(3, np.nan)
@@ -311,7 +317,8 @@ class FixLog(_RowLog):
             fix = Fix.FIXED
         if not np.isfinite((lat, lon)).all():
             fix = Fix.NONE
-        at_s, received_s = stamp_s(content, message), message.received_ns * 1e-9
+        at_s = stamp_s(content, message)
+        received_s = message.received_ns * 1e-9
         self._rows.extend((at_s, lon, lat, height, float(fix), *map(float, sigma), received_s))
 
     def track(self, source: str) -> tuple[GnssTrack, list[Notice]]:

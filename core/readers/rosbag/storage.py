@@ -226,7 +226,8 @@ def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
         return data[:size], "" if len(data) >= size else "it is cut"
     decompressor, faults = _decompressor(method)
     out: list[bytes] = []
-    wanted, fault = size, ""
+    wanted = size
+    fault = ""
     try:
         for start in range(0, len(data), _READ_BYTES):
             if decompressor.eof or wanted <= 0:
@@ -343,7 +344,8 @@ class Rosbag1Storage(RecordStorage):
         try:
             op = fields[b"op"]
             if op == _CONNECTION:
-                topic, kind = fields[b"topic"].decode(), ros2_type(_fields(data)[b"type"].decode())
+                topic = fields[b"topic"].decode()
+                kind = ros2_type(_fields(data)[b"type"].decode())
                 self._connections[_U32.unpack(fields[b"conn"])[0]] = topic, kind
             elif op == _MESSAGE:
                 seconds, nanoseconds = _TIME.unpack(fields[b"time"])
@@ -372,7 +374,12 @@ def _fields(header: bytes) -> _Fields:
 
 MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
 
-_FOOTER, _SCHEMA, _CHANNEL, _MCAP_MESSAGE, _MCAP_CHUNK, _STATISTICS = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0B
+_FOOTER = 0x02
+_SCHEMA = 0x03
+_CHANNEL = 0x04
+_MCAP_MESSAGE = 0x05
+_MCAP_CHUNK = 0x06
+_STATISTICS = 0x0B
 _KNOWN = range(0x01, 0x10)
 _PRIVATE = range(0x80, 0x100)
 _RECORD = struct.Struct("<BQ")
@@ -520,7 +527,8 @@ class Db3Storage(BagStorage):
             header = file.read(100)
         page_bytes = int.from_bytes(header[16:18], "big")
         pages = int.from_bytes(header[28:32], "big") if header[24:28] == header[92:96] else 0
-        expected, there = pages * (65536 if page_bytes == 1 else page_bytes), database.stat().st_size
+        expected = pages * (65536 if page_bytes == 1 else page_bytes)
+        there = database.stat().st_size
         if there < expected:
             self._note("bag-cut.size", size_bytes=there, expected=expected)
 

@@ -149,7 +149,8 @@ class PosRows:
 
 def _split_lines(source: Source) -> Iterator[list[bytes]]:
     """Lists of lines; a last line that may be cut ends with :data:`_CUT_MARK`."""
-    rest, before = b"", [b""]
+    rest = b""
+    before = [b""]
     while True:
         block = source.read(MESSAGE_CHUNK_BYTES)
         if not block:
@@ -202,7 +203,8 @@ class RtklibPos(PositionLog):
         return 0.7 if good >= 2 and good >= 0.8 * len(rows) else 0.0
 
     def _read(self, paths: list[Path]) -> LoggedPositions:
-        rows, ends = PosRows(), []
+        rows = PosRows()
+        ends = []
         for source in self._sources(paths):
             rows.add(source)
             ends.append(rows.lines)
@@ -263,9 +265,13 @@ def _columns(
         notices.append(Notice("time-scale-assumed", name=name))
     if header.form is PosForm.SEXAGESIMAL:
         values = np.column_stack([_sexagesimal(values[:, :3]), _sexagesimal(values[:, 3:6]), values[:, 6:]])
-    lat, lon, height = values[:, 0], values[:, 1], values[:, 2]
+    lat = values[:, 0]
+    lon = values[:, 1]
+    height = values[:, 2]
     north, east, up = (np.where(values[:, k] > 0.0, values[:, k], np.nan) for k in (5, 6, 7))
-    vn, ve = values[:, 13], values[:, 14]  # after age and ratio, if velocities were requested
+    # after age and ratio, if velocities were requested
+    vn = values[:, 13]
+    ve = values[:, 14]
     if header.form is PosForm.CARTESIAN:
         lon, lat, height = geodetic(values[:, :3])
         north, east, up = _local_sigmas(values, lon, lat)

@@ -14,7 +14,12 @@ from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import east_north_up, geodetic, variances_enu
 from furrowmap.core.values.gnss import Fix
 
-GEODETIC, CARTESIAN, COV_GEODETIC, COV_CARTESIAN, ATTITUDE, DOP = 4007, 4006, 5906, 5905, 5938, 4001
+GEODETIC = 4007
+CARTESIAN = 4006
+COV_GEODETIC = 5906
+COV_CARTESIAN = 5905
+ATTITUDE = 5938
+DOP = 4001
 """Numbers of the blocks that are read."""
 _STAMP: Final = {"tow": (8, "u4"), "week": (12, "u2")}
 _PVT: Final = _STAMP | {

@@ -106,7 +106,8 @@ class SensorTraffic:
     def facts(self, sender: int) -> dict[str, Any]:
         """Facts for `inspect`, of the sensor with that sender."""
         assert self.decoder is not None
-        counts, model = self.decoder.counts, self.decoder.model
+        counts = self.decoder.counts
+        model = self.decoder.model
         capture = self.captures[0]
         resolution = {1_000_000: ", microseconds", 1_000_000_000: ", nanoseconds"}.get(capture.resolution, "")
         modes = {self.maker.mode_name(mode): n for mode, n in counts.modes.most_common()}
@@ -143,13 +144,15 @@ class SensorTraffic:
         note = f"{counts.host_words}sensor's stamps"
         if clock is not Clock.RECORDER:
             note += f", {counts.host_first_s:+.3f} s at the start and {counts.host_last_s:+.3f} s at the end"
-        first_s, last_s = counts.first_s + counts.host_first_s, counts.last_s + counts.host_last_s
+        first_s = counts.first_s + counts.host_first_s
+        last_s = counts.last_s + counts.host_last_s
         readings = [ClockReading(Clock.RECORDER, first_s, last_s, note)]
         if clock is not Clock.RECORDER:
             words = f"PPS {pps_states(self.pps)}" if self.pps else _HOUR_FROM[clock]
             readings.insert(0, ClockReading(clock, counts.first_s, counts.last_s, words))
         if self.first_fix and self.last_fix:
-            first, last = self.first_fix, self.last_fix
+            first = self.first_fix
+            last = self.last_fix
             note = f"GPRMC sentences of the last second; {self.pps.total() - self.void:,} valid, {self.void:,} not"
             if clock is Clock.SENSOR_GPS and (utc_s := first.utc_s(first.host_s)) is not None:
                 note += f"; the first {utc_s - first.sentence_s:.3f} s old" if first.sentence_s > 86_400 else ""

@@ -149,7 +149,9 @@ class SensorClock:
         offset_s: FloatArray = self._offset_s + HOUR_S * np.cumsum(rolled, dtype=np.float64)
         for i in np.flatnonzero(~smooth).tolist():
             offset_s[i:] += self._step(i, device_s, host_s, offset_s)
-        self._device_s, self._host_s, self._offset_s = float(device_s[-1]), float(host_s[-1]), float(offset_s[-1])
+        self._device_s = float(device_s[-1])
+        self._host_s = float(host_s[-1])
+        self._offset_s = float(offset_s[-1])
         return device_s + offset_s
 
     def _step(self, i: int, device_s: FloatArray, host_s: FloatArray, offset_s: FloatArray) -> float:

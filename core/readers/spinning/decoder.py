@@ -197,7 +197,8 @@ def _decode(  # type: ignore[no-untyped-def]
                     ux = cos_a * cos_ahead[i] - sin_a * sin_ahead[i]
                     uy = -(sin_a * cos_ahead[i] + cos_a * sin_ahead[i])
                     for k in range(found):
-                        m, range_m = np.uint64(n), counts[k] * resolution_m
+                        m = np.uint64(n)
+                        range_m = counts[k] * resolution_m
                         t_out[m] = fired_s + lasers[i, 0]
                         xyz[m, 0] = range_m * ux
                         xyz[m, 1] = range_m * uy
@@ -405,7 +406,8 @@ class PacketDecoder:
         self.counts.foreign += int((~mine).sum())
         if not mine.any():
             return []
-        data_offset, host_s = offset[mine], host_s[mine]
+        data_offset = offset[mine]
+        host_s = host_s[mine]
         self.counts.products.update(sorted(product[mine].tolist()))
         if self._clock is not None:
             return self._decode(data, data_offset, host_s)
@@ -447,7 +449,8 @@ class PacketDecoder:
         payloads = np.concatenate([early for early, _ in self._early])
         host_s = np.concatenate([host_s for _, host_s in self._early])
         self._early.clear()
-        data, offset = payloads.reshape(-1), np.arange(len(payloads), dtype=np.int64) * payloads.shape[1]
+        data = payloads.reshape(-1)
+        offset = np.arange(len(payloads), dtype=np.int64) * payloads.shape[1]
         self._clock, notices = settle(self._model.layout.stamp_us(data, offset), host_s, [], self._near_s)
         self._notices += notices
         return self._decode(data, offset, host_s)
@@ -465,7 +468,9 @@ class PacketDecoder:
         self._last_stamp = int(stamps[-1]), int(azimuth[-1])
         if again.any():
             self.counts.repeated += int(again.sum())
-            offset, host_s, device_us = offset[~again], host_s[~again], device_us[~again]
+            offset = offset[~again]
+            host_s = host_s[~again]
+            device_us = device_us[~again]
             if not len(offset):
                 return []
         self.counts.modes.update(sorted(data[offset + layout.mode].tolist()))
@@ -502,14 +507,16 @@ class PacketDecoder:
             self._held = piece
             return scans
         if not by_wrap and self._held is not None and self._is_lone_revolution(self._held, piece):
-            first, self._held = self._held, None
+            first = self._held
+            self._held = None
             piece.column[:] += first.column.max() + 1
             return [self.counts.numbered(Scan.joined([first, piece]), whole=True)]
         return [*self._release(), self.counts.numbered(piece, whole=by_wrap and self._open_by_wrap)]
 
     def _release(self) -> list[Scan]:
         """The piece that was held back, now known to be an incomplete revolution."""
-        held, self._held = self._held, None
+        held = self._held
+        self._held = None
         return [] if held is None else [self.counts.numbered(held, whole=False)]
 
     def _is_lone_revolution(self, first: Scan, second: Scan) -> bool:

@@ -71,7 +71,8 @@ class AngleTable:
 
     def applied(self, model: "Model") -> "Model":
         """The model with these angles; InputError if they are those of another model."""
-        lasers, same = len(self.elevation_deg), len(self.elevation_deg) == model.lasers
+        lasers = len(self.elevation_deg)
+        same = len(self.elevation_deg) == model.lasers
         apart_deg = float(np.abs(self.elevation_deg - model.elevation_deg).max()) if same else 0.0
         if not same or apart_deg > _APART_DEG:
             raise InputError(
@@ -210,7 +211,8 @@ class Model:
     @cached_property
     def laser_table(self) -> FloatArray:
         """(n, 5) firing time, azimuth (rad), cosine and sine of the elevation, and height of each laser."""
-        elevation, azimuth = np.radians(self.elevation_deg), np.radians(self.azimuth_deg)
+        elevation = np.radians(self.elevation_deg)
+        azimuth = np.radians(self.azimuth_deg)
         columns = [self.laser_s, azimuth, np.cos(elevation), np.sin(elevation), self.height_m]
         return np.ascontiguousarray(np.stack(columns, axis=1))
 
@@ -228,7 +230,8 @@ class Model:
         Number of azimuths in a packet, bytes from one to the next, and where the first return of each laser is, from
         the start of the block.
         """
-        layout, lasers = self.layout, np.arange(self.lasers)
+        layout = self.layout
+        lasers = np.arange(self.lasers)
         rows = []
         for returns in range(1, MAX_RETURNS + 1):
             at = lasers // layout.units * layout.block * returns + lasers % layout.units * layout.unit

@@ -15,9 +15,15 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s, nearest_in_cycle, utc_to_gps_s
 from furrowmap.core.values.gnss import Fix
 
-PVT, HPPOSLLH, COV, DOP, STATUS, TIMEGPS, TIMEUTC, RAWX, RELPOSNED = (
-    0x0107, 0x0114, 0x0136, 0x0104, 0x0103, 0x0120, 0x0121, 0x0215, 0x013C,
-)  # fmt: skip
+PVT = 0x0107
+HPPOSLLH = 0x0114
+COV = 0x0136
+DOP = 0x0104
+STATUS = 0x0103
+TIMEGPS = 0x0120
+TIMEUTC = 0x0121
+RAWX = 0x0215
+RELPOSNED = 0x013C
 """Class and id of the messages that are read."""
 UBX_LAYOUTS: Final = {
     PVT: layout(
@@ -48,7 +54,10 @@ AGE_S: Final = np.array([np.nan, 1, 2, 5, 10, 15, 20, 30, 45, 60, 90, 120, 120, 
 _FIXED_HEADING: Final = 0b1_0011_1101, 0b1_0011_0101
 """Mask and value of NAV-RELPOSNED's flags for a heading from a moving base with fixed ambiguities: heading and position
 valid, moving, carrier solution 2, fix within the receiver's limits."""
-_DEAD_RECKONING, _2D, _3D, _COMBINED = 1, 2, 3, 4
+_DEAD_RECKONING = 1
+_2D = 2
+_3D = 3
+_COMBINED = 4
 _FIX_TYPES: Final = {0: "none", 1: "dead reckoning", 2: "2D", 3: "3D", 4: "GNSS and dead reckoning", 5: "time only"}
 
 
@@ -76,10 +85,13 @@ _CLASSES_AND_IDS: Final = (
 
 
 def _list_names() -> dict[int, str]:
-    names, kind, group = {}, 0, ""
+    names = {}
+    kind = 0
+    group = ""
     for word in _CLASSES_AND_IDS.split():
         if word[2] == "-":
-            kind, group = int(word[:2], 16) << 8, word[3:]
+            kind = int(word[:2], 16) << 8
+            group = word[3:]
         else:
             names[kind | int(word[:2], 16)] = f"{group}-{word[2:]}"
     return names
@@ -117,7 +129,8 @@ class UbxLog(ReceiverLog):
         return UBX_NAMES.get(kind, f"{kind >> 8:02X}-{kind & 255:02X}")
 
     def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
-        pvt, hp = messages[PVT], messages[HPPOSLLH]
+        pvt = messages[PVT]
+        hp = messages[HPPOSLLH]
         notices: list[Notice] = []
         base = pvt if len(pvt) else hp
         columns = _read_pvt(pvt) if len(pvt) else _read_hpposllh(hp, messages[STATUS], notices, name)
@@ -132,7 +145,8 @@ class UbxLog(ReceiverLog):
             fault = no_valid_positions(name, len(base), "NAV-PVT or NAV-HPPOSLLH messages")
             return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts)
         columns = {column: values[stated] for column, values in columns.items()}
-        at, tow_s = base.at[stated], key[stated] / 1000.0
+        at = base.at[stated]
+        tow_s = key[stated] / 1000.0
         try:
             t_s = self._times(columns.pop("utc_s"), tow_s, at, messages, name)
         except InputError as fault:
@@ -169,7 +183,9 @@ class UbxLog(ReceiverLog):
 def _read_pvt(pvt: Messages) -> dict[str, NDArray[Any]]:
     """The columns of NAV-PVT; fixes as in the receiver's own GGA (F9 HPG, "Position fix flags in NMEA")."""
     kind, flags, flags3 = (pvt.values[field] for field in ("kind", "flags", "flags3"))
-    within, differential, carrier = (flags & 1) > 0, (flags & 2) > 0, flags >> 6
+    within = (flags & 1) > 0
+    differential = (flags & 2) > 0
+    carrier = flags >> 6
     positioned = np.isin(kind, (_2D, _3D, _COMBINED)) & within & ((flags3 & 1) == 0)
     fix = np.select(
         [(kind == _DEAD_RECKONING) & ((flags3 & 1) == 0), ~positioned, carrier == 2, carrier == 1, differential],
@@ -196,7 +212,8 @@ def _read_pvt(pvt: Messages) -> dict[str, NDArray[Any]]:
 
 def _read_hpposllh(hp: Messages, status: Messages, notices: list[Notice], name: str) -> dict[str, NDArray[Any]]:
     """The columns of NAV-HPPOSLLH alone, with the kind of fix of NAV-STATUS."""
-    key, of = hp.values["itow"].astype(np.int64), status.values["itow"].astype(np.int64)
+    key = hp.values["itow"].astype(np.int64)
+    of = status.values["itow"].astype(np.int64)
     row, other = paired(key, of)
     kind, flags, carrier = (status.values[field][other] for field in ("kind", "flags", "flags2"))
     fix = np.full(len(hp), Fix.SINGLE, np.int8)
@@ -238,7 +255,8 @@ def _refine(
         found = at_equal(key, other.values["itow"].astype(np.int64), values[usable])
         columns[column] = np.where(np.isfinite(found), found, columns[column])
 
-    hp, cov = messages[HPPOSLLH], messages[COV]
+    hp = messages[HPPOSLLH]
+    cov = messages[COV]
     valid = (hp.values["flags"] & 1) == 0
     # Units and their hundredths are added as integers: a float64 holds the sum exactly.
     for column, unit in (("lon_deg", 1e9), ("lat_deg", 1e9)):

@@ -94,7 +94,8 @@ def _layout_at(data: bytes, at: int) -> _BinaryLayout | None:
     end = at + 2 + 2 * len(chosen)
     if not chosen or groups & 0x80 or end > len(data):
         return None
-    offset, place = {}, end - at
+    offset = {}
+    place = end - at
     for group, fields in zip(chosen, struct.unpack_from(f"<{len(chosen)}H", data, at + 2), strict=True):
         if not fields or fields >> len(SIZES[group]):
             return None
@@ -151,7 +152,9 @@ class BinaryMessages:
             gps_s = np.where(week > 0, WEEK_S * week + 1e-9 * column(layout.offset[_GPS_TOW], "<u8", 1)[:, 0], 0.0)
         known = (gps_s > GPS_TIMES_S[0]) & (gps_s < GPS_TIMES_S[1])
         rows[known, 0] = gps_to_utc_s(gps_s[known])
-        rate, force, angles = layout.find(_RATE_FIELDS), layout.find(_FORCE_FIELDS), layout.find(_YAW_PITCH_ROLL)
+        rate = layout.find(_RATE_FIELDS)
+        force = layout.find(_FORCE_FIELDS)
+        angles = layout.find(_YAW_PITCH_ROLL)
         if rate is not None and force is not None:
             rows[:, 1:4] = column(rate, "<f4", 3)
             rows[:, 4:7] = column(force, "<f4", 3)
@@ -257,7 +260,8 @@ class _VectorNav(FileReader, ABC):
         return self._inertial(self.options.units)
 
     def _inertial(self, units: StatedUnits) -> InertialTrack:
-        rows, name = self._rows(), self.name
+        rows = self._rows()
+        name = self.name
         measured = rows[np.isfinite(rows[:, 1:7]).all(axis=1)]
         timed = measured[np.isfinite(measured[:, 0])]
         if len(timed) < 2:
@@ -365,7 +369,8 @@ class VectorNavAscii(_VectorNav):
 
 def _times_s(table: FloatArray) -> FloatArray:
     """UTC (n,) of sentences (n, 12): as the logger wrote it, else between those with GPS time; else nan."""
-    stamped, timed = np.isfinite(table[:, 0]), np.isfinite(table[:, 1])
+    stamped = np.isfinite(table[:, 0])
+    timed = np.isfinite(table[:, 1])
     measured = np.isfinite(table[:, 3])
     if stamped[measured].any():
         return table[:, 0]

@@ -29,7 +29,8 @@ _COMMON: Final = "all"
 MAX_DEPTH: Final = 5
 """Texts in holes of texts in holes: a cause within a warning within a list."""
 _SENTENCE: Final = re.compile(r"(?<=[.!?]) (?=\S)")
-_ENTRY, _ITEM = re.compile("; "), re.compile(", ")
+_ENTRY = re.compile("; ")
+_ITEM = re.compile(", ")
 _TWO_WORDS: Final = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}")
 
 
@@ -157,7 +158,8 @@ def _translated(text: str, language: str, code: str, depth: int) -> str:
 
 def _sentences(sentences: list[str], language: str, code: str, depth: int) -> str:
     """Sentence by sentence; the longest rows of sentences that the catalogue has as one text come first."""
-    done, first = [], 0
+    done = []
+    first = 0
     while first < len(sentences):
         for behind in range(len(sentences), first, -1):
             if first == 0 and behind == len(sentences):

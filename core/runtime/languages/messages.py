@@ -55,16 +55,19 @@ def parts_of(template: str) -> tuple[Part, ...]:
 
 def _parse(text: str, start: int, stops: str) -> tuple[tuple[Part, ...], int]:
     found: list[Part] = []
-    literal, at = "", start
+    literal = ""
+    at = start
     while at < len(text) and text[at] not in stops:
         if text.startswith("{{", at) or (not stops and text.startswith("}}", at)):
-            literal, at = literal + text[at], at + 2
+            literal = literal + text[at]
+            at = at + 2
         elif text[at] == "{":
             part, at = _named_part(text, at + 1)
             found += [literal, part] if literal else [part]
             literal = ""
         else:
-            literal, at = literal + text[at], at + 1
+            literal = literal + text[at]
+            at = at + 1
     return (*found, literal) if literal else tuple(found), at
 
 
@@ -177,11 +180,13 @@ def fill(
 
 def expansions(english: str, other: str) -> Iterator[tuple[str, str]]:
     """Every text that a template can be, with … for its values, and the other language's with {1}, {2}, … for them."""
-    ours, theirs = parts_of(english), parts_of(other)
+    ours = parts_of(english)
+    theirs = parts_of(other)
     choices = sorted({part.name for part in walk(ours) if isinstance(part, Choice)})
     for picked in product((True, False), repeat=len(choices)):
         pick = dict(zip(choices, picked, strict=True))
-        text, number = "", 0
+        text = ""
+        number = 0
         numbers: dict[int, list[str]] = {}
         for part in _chosen(ours, pick):
             if isinstance(part, str):
