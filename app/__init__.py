@@ -15,7 +15,7 @@ from __future__ import annotations
 import re
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from importlib.metadata import version
@@ -132,9 +132,9 @@ if TYPE_CHECKING:
 
 # The imports above, which type checkers read, are the only list of the public names. Each is imported on its first use:
 # `import furrowmap` takes no time.
-_SOURCE = Path(__file__).read_text(encoding="utf-8")
-_NAMED = re.findall(r"^    from (furrowmap\.\S+) import \w+ as (\w+)$", _SOURCE, re.MULTILINE)
-_MODULES = {name: module for module, name in _NAMED}
+_SOURCE: Final = Path(__file__).read_text(encoding="utf-8")
+_NAMED: Final = re.findall(r"^    from (furrowmap\.\S+) import \w+ as (\w+)$", _SOURCE, re.MULTILINE)
+_MODULES: Final = {name: module for module, name in _NAMED}
 
 __all__ = ["__version__", *_MODULES]
 

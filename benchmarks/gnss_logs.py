@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import GivesTrack, ReadOptions, Recognised
-from furrowmap.core.readers.sbf.log import ATTITUDE, COV_GEODETIC, GEODETIC
+from furrowmap.core.readers.sbf.log import ATT_EULER, COV_GEODETIC, GEODETIC
 from furrowmap.core.readers.sbf.log import SBF_LAYOUTS as SBF
-from furrowmap.core.readers.ubx.log import COV, HPPOSLLH, PVT
+from furrowmap.core.readers.ubx.log import NAV_COV, NAV_HPPOSLLH, NAV_PVT
 from furrowmap.core.readers.ubx.log import UBX_LAYOUTS as UBX
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
@@ -83,13 +83,13 @@ def ubx_hour() -> bytes:
     lon, lat, height = 1_400_000_000 + k, 361_000_000 + k, 60_000 + k % 7
     place = {"lon": lon, "lat": lat, "height": height, "h_acc": 14, "v_acc": 20}
     pvt = rows_of(
-        UBX[PVT], 92, itow=tow, year=2026, month=6, day=10, hour=12 + seconds // 3600, minute=seconds // 60 % 60,
+        UBX[NAV_PVT], 92, itow=tow, year=2026, month=6, day=10, hour=12 + seconds // 3600, minute=seconds // 60 % 60,
         second=seconds % 60, valid=7, nano=k % 10 * 100_000_000, kind=3, flags=0b1000_0011, satellites=20, speed=1500,
         course=9_000_000, **place,
     )  # fmt: skip
-    hp = rows_of(UBX[HPPOSLLH], 36, itow=tow, lon_hp=k % 90, lat_hp=-(k % 90), height_hp=k % 9, **place)
-    cov = rows_of(UBX[COV], 64, itow=tow, valid=1, nn=1e-4, ee=1e-4, dd=4e-4)
-    return interleaved([ubx_frames(PVT, pvt), ubx_frames(HPPOSLLH, hp), ubx_frames(COV, cov)])
+    hp = rows_of(UBX[NAV_HPPOSLLH], 36, itow=tow, lon_hp=k % 90, lat_hp=-(k % 90), height_hp=k % 9, **place)
+    cov = rows_of(UBX[NAV_COV], 64, itow=tow, valid=1, nn=1e-4, ee=1e-4, dd=4e-4)
+    return interleaved([ubx_frames(NAV_PVT, pvt), ubx_frames(NAV_HPPOSLLH, hp), ubx_frames(NAV_COV, cov)])
 
 
 def sbf_hour() -> bytes:
@@ -100,8 +100,8 @@ def sbf_hour() -> bytes:
         height=60.0, vn=1.0, ve=1.0, course=45.0, satellites=20, age=100,
     )  # fmt: skip
     cov = rows_of(SBF[COV_GEODETIC], 56, **stamp, nn=1e-4, ee=1e-4, hh=4e-4)
-    attitude = rows_of(SBF[ATTITUDE], 44, **stamp, mode=4, heading=45.0)
-    return interleaved([sbf_frames(GEODETIC, pvt), sbf_frames(COV_GEODETIC, cov), sbf_frames(ATTITUDE, attitude)])
+    attitude = rows_of(SBF[ATT_EULER], 44, **stamp, mode=4, heading=45.0)
+    return interleaved([sbf_frames(GEODETIC, pvt), sbf_frames(COV_GEODETIC, cov), sbf_frames(ATT_EULER, attitude)])
 
 
 def clocks(offset_s: int) -> list[np.datetime64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -20,7 +20,7 @@ from furrowmap.settings import BatchSettings, SeasonSettings, TieSettings
 if TYPE_CHECKING:
     from furrowmap import Batch
 
-_MAX_NAMES = 20
+_MAX_NAMES: Final = 20
 
 
 @command(

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -20,8 +20,8 @@ from furrowmap.core.values.margins import margin, with_margin
 if TYPE_CHECKING:
     from furrowmap import Board, Calibration
 
-MIN_CORNERS = 3
-_FACING_ASSUMED = "not determined: too little relief, and nothing upright stands out"
+MIN_CORNERS: Final = 3
+_FACING_ASSUMED: Final = "not determined: too little relief, and nothing upright stands out"
 
 
 class WithMount(click.Command):

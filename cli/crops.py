@@ -1,7 +1,7 @@
 """The commands on crops and trials: `plots`, `parcels`, `growth`, `canopy` and `response`."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
@@ -89,7 +89,7 @@ def _place(option: str, text: str, crs: str | None) -> Any:
     return furrowmap.Place(place[0], place[1], crs)
 
 
-PARCEL_COLUMNS = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cover", "points_m2")
+PARCEL_COLUMNS: Final = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cover", "points_m2")
 
 
 @command(
@@ -117,7 +117,7 @@ def parcels(
     console.answer({"folder": output, **account}, f"{shown}\n{written(account, output)}")
 
 
-GROWTH_COLUMNS = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
+GROWTH_COLUMNS: Final = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
 
 
 @command(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
@@ -12,7 +12,7 @@ from furrowmap.cli.options import FILE, command, option, output, overwrite
 from furrowmap.cli.tables import aligned
 from furrowmap.core.runtime.errors import printable
 
-_FIELD_COLUMNS = (
+_FIELD_COLUMNS: Final = (
     ("task", "task", ""),
     ("field", "field", ""),
     ("passes", "passes", ""),

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -168,11 +168,11 @@ def _offset(text: str) -> tuple[float, float, float]:
     return offset[0], offset[1], offset[2]
 
 
-_FOOTNOTE = (
+_FOOTNOTE: Final = (
     "Test minus reference in metres: X east, Y north, Z up; signed averages of X, Y and Z; population standard\n"
     "deviation, so that RMSE² = average² + standard deviation²; along and across (left of) the direction of travel."
 )
-_STATISTICS = (("average", "average_m"), ("standard deviation", "standard_deviation_m"), ("RMSE", "rmse_m"))
+_STATISTICS: Final = (("average", "average_m"), ("standard deviation", "standard_deviation_m"), ("RMSE", "rmse_m"))
 
 
 def _services(evaluations: Mapping[str, Evaluation]) -> str:

@@ -1,7 +1,7 @@
 """The commands that pass results on: `share`, `export` and `report`."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
@@ -36,7 +36,7 @@ def share(console: Console, result: Path, output: Path | None, *, qfield: bool, 
     console.answer(done, f"{printable(str(done.start))}  {done.size_bytes / 1e6:.1f} MB")
 
 
-FORMAT_CHOICES = (
+FORMAT_CHOICES: Final = (
     "gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "sbet", "tum", "poses", "glb", "isoxml",
     "stac",
 )  # fmt: skip

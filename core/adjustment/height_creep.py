@@ -16,7 +16,7 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.trajectory import Trajectory
 
-HEIGHT: Final = 2
+HEIGHT_AXIS: Final = 2
 """Column of the height among the errors of a pose."""
 COURSES: Final = 6
 """Slow courses of the height that are looked at."""
@@ -37,8 +37,8 @@ def held_against_heights(
         found: errors that strips find.
     """
     nodes = len(before.t_s)
-    covariance = before.covariance.reshape(nodes, POSE, nodes, POSE)[:, HEIGHT, :, HEIGHT]
-    height_m = found.value[:, HEIGHT]
+    covariance = before.covariance.reshape(nodes, POSE, nodes, POSE)[:, HEIGHT_AXIS, :, HEIGHT_AXIS]
+    height_m = found.value[:, HEIGHT_AXIS]
     variance, course = np.linalg.eigh(covariance)
     slowest = slice(-min(COURSES, nodes), None)
     sigmas = np.abs(height_m @ course[:, slowest]) / np.sqrt(np.maximum(variance[slowest], 1e-12))
@@ -48,7 +48,7 @@ def held_against_heights(
         return trajectory, None
     sigma = trajectory.sigma.copy()
     # Heights may have been right at any time of the flight.
-    sigma[:, HEIGHT] = np.hypot(sigma[:, HEIGHT], half_m)
+    sigma[:, HEIGHT_AXIS] = np.hypot(sigma[:, HEIGHT_AXIS], half_m)
     length_min = (trajectory.span_s[1] - trajectory.span_s[0]) / 60.0
     notice = Notice("contradiction.height-creep", whole_m=2.0 * half_m, length_min=length_min)
     return replace(trajectory, sigma=sigma), notice

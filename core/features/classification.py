@@ -107,8 +107,8 @@ MIN_VOTING_VOXELS: Final = 8
 GREEN: Final = (0.1, 0.4)
 """Excess green index (2g - r - b) / (r + g + b) of what may be, and of what is green vegetation (Woebbecke et al. 1995,
 Transactions of the ASAE 38, 259-269)."""
-LEAF_AS_OBJECT = 0.5
-OBJECT_AS_LEAF = 0.6
+LEAF_AS_OBJECT: Final = 0.5
+OBJECT_AS_LEAF: Final = 0.6
 """Weight of planes and lines that are all green, and of scatter that is not green at all."""
 COLOUR_SCALE: Final = 0.1
 """Preference for larger segments, in colours of which black and white differ by 1."""

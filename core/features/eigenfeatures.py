@@ -18,8 +18,8 @@ from furrowmap.core.runtime.kernels import kernel
 
 COLUMNS_A_RADIUS: Final = 2.0
 """Narrower columns leave out more of what is outside of the sphere, but have few points at a time."""
-NORMAL_AT = np.int64(3)
-DIRECTION_AT = np.int64(6)
+NORMAL_AT: Final = np.int64(3)
+DIRECTION_AT: Final = np.int64(6)
 
 
 @dataclass(frozen=True)

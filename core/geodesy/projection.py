@@ -427,9 +427,9 @@ def _frames() -> dict[str, CRSInfo]:
     return {info.name.casefold(): info for info in found if not info.deprecated}
 
 
-MAX_SCALE_ERROR = 1e-3
+MAX_SCALE_ERROR: Final = 1e-3
 """Largest scale error of a map: a metre in a kilometre, two and a half times that of UTM."""
-AREA_MARGIN_DEG = 1.2
+AREA_MARGIN_DEG: Final = 1.2
 """Margin around the area of use of a CRS, so that fields at a zone border stay in one zone: the maps of Denmark and
 Norway use UTM zone 32 from 4.9° to 12.7° east, its area of use is 6° to 12°."""
 

@@ -14,8 +14,8 @@ from scipy.sparse.linalg import spsolve
 
 from furrowmap.core.runtime.arrays import FloatArray
 
-DARKEST = 6.0
-BRIGHTEST = 248.0
+DARKEST: Final = 6.0
+BRIGHTEST: Final = 248.0
 """Levels beyond are cut off, or mostly noise."""
 PRIOR: Final = 0.3
 """Standard deviation of gains and of the coefficients of the vignetting, in logarithms."""

@@ -99,8 +99,8 @@ def _linear(
     return corners - pixels, own, shared
 
 
-ON_BODY = "body"
-ON_MOUNT = "mount"
+ON_BODY: Final = "body"
+ON_MOUNT: Final = "mount"
 """Where the board is; the camera is on the other."""
 MIN_BOARDS: Final = 3
 """Frames with the board, from which a camera can be estimated."""

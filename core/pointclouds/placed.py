@@ -244,7 +244,6 @@ def place_scans(
     placers = (placer, *further)
     scans_of = [0] * len(placers)
     points_of = [0] * len(placers)
-    begin_s, end_s = trajectory.span_s
     first_s = last_s = float("nan")
     placed: list[tuple[int, float, int]] = []
     waiting = _Waiting(sink, placers)
@@ -260,12 +259,7 @@ def place_scans(
         last_s = float(scan.t_s[-1])
         classification = classify(scan)
         if not placers[scan.scanner].covers(scan.t_s):
-            known = placers[scan.scanner].place(scan)[1]
-            count = int(np.count_nonzero(known))
-            outside = int(np.count_nonzero((scan.t_s < begin_s) | (scan.t_s > end_s)))
-            counts.update(
-                scans_without_pose=int(not count), points_without_pose=len(scan) - count, points_outside=outside
-            )
+            known = _points_with_pose(scan, placers[scan.scanner], counts)
             scan = scan[known]
             classification = classification[known]
         if not len(scan):
@@ -301,6 +295,18 @@ def place_scans(
         scans_of=tuple(scans_of),
         points_of=tuple(points_of),
     )
+
+
+def _points_with_pose(scan: Scan, placer: Placer, counts: Counter[str]) -> NDArray[np.bool_]:
+    """Which points (n,) of a scan have a pose; the others are counted."""
+    known = placer.place(scan)[1]
+    begin_s, end_s = placer.trajectory.span_s
+    with_pose = int(np.count_nonzero(known))
+    outside = int(np.count_nonzero((scan.t_s < begin_s) | (scan.t_s > end_s)))
+    counts.update(
+        scans_without_pose=int(not with_pose), points_without_pose=len(scan) - with_pose, points_outside=outside
+    )
+    return known
 
 
 class _Waiting:

@@ -147,14 +147,14 @@ def _values(layout: RawLayout) -> int:
     return _VALUES_PER_PIXEL.get(layout.encoding, 1)
 
 
-TAKEN = 0x9003
-OFFSET = 0x9011
-SUBSECOND = 0x9291
+TAKEN: Final = 0x9003
+OFFSET: Final = 0x9011
+SUBSECOND: Final = 0x9291
 """EXIF DateTimeOriginal, OffsetTimeOriginal, SubSecTimeOriginal."""
 MODIFIED: Final = 0x0132
 """TIFF DateTime."""
-EXIF = 0x8769
-GPS = 0x8825
+EXIF: Final = 0x8769
+GPS: Final = 0x8825
 """Where the tags of EXIF and of GPS are."""
 XMP: Final = 0x02BC
 """XMP in a TIFF file."""

@@ -29,24 +29,24 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.gnss import Fix
 
-TIME = 1
-PLACE = 2
-VELOCITY = 8
-DILUTION = 9
-SIGMAS = 12
-ATTITUDE = 27
-SOLUTION = 38
+TIME_RECORD: Final = 1
+PLACE_RECORD: Final = 2
+VELOCITY_RECORD: Final = 8
+DILUTION_RECORD: Final = 9
+SIGMAS_RECORD: Final = 12
+ATTITUDE_RECORD: Final = 27
+SOLUTION_RECORD: Final = 38
 """Types of the records that are read."""
 _LAYOUTS: Final = {
-    TIME: np.dtype([("ms", ">u4"), ("week", ">u2"), ("satellites", "u1"), ("flags", "u1"), ("solution", "u1")]),
-    PLACE: np.dtype([("lat", ">f8"), ("lon", ">f8"), ("height", ">f8")]),
-    VELOCITY: np.dtype([("flags", "u1"), ("speed", ">f4"), ("course", ">f4")]),
-    DILUTION: np.dtype([("pdop", ">f4"), ("hdop", ">f4")]),
-    SIGMAS: np.dtype([("rms", ">f4"), ("e", ">f4"), ("n", ">f4"), ("en", ">f4"), ("h", ">f4")]),
-    ATTITUDE: np.dtype(
+    TIME_RECORD: np.dtype([("ms", ">u4"), ("week", ">u2"), ("satellites", "u1"), ("flags", "u1"), ("solution", "u1")]),
+    PLACE_RECORD: np.dtype([("lat", ">f8"), ("lon", ">f8"), ("height", ">f8")]),
+    VELOCITY_RECORD: np.dtype([("flags", "u1"), ("speed", ">f4"), ("course", ">f4")]),
+    DILUTION_RECORD: np.dtype([("pdop", ">f4"), ("hdop", ">f4")]),
+    SIGMAS_RECORD: np.dtype([("rms", ">f4"), ("e", ">f4"), ("n", ">f4"), ("en", ">f4"), ("h", ">f4")]),
+    ATTITUDE_RECORD: np.dtype(
         [("ms", ">u4"), ("valid", "u1"), ("satellites", "u1"), ("mode", ">u2"), ("pitch", ">f8"), ("yaw", ">f8")]
     ),
-    SOLUTION: np.dtype([("scale", ">f4"), ("rtk", ">u2"), ("age", ">f4"), ("network", "u1")]),
+    SOLUTION_RECORD: np.dtype([("scale", ">f4"), ("rtk", ">u2"), ("age", ">f4"), ("network", "u1")]),
 }
 """What all versions of a record begin with."""
 _NAMES: Final = {
@@ -57,23 +57,23 @@ _NAMES: Final = {
     38: "position type", 40: "L-band status", 41: "base position and quality", 49: "INS full navigation",
     50: "INS RMS", 57: "radio",
 }  # fmt: skip
-_STX = b"\x02"
-_ETX = 0x03
-_GENOUT = 0x40
+_STX: Final = b"\x02"
+_ETX: Final = 0x03
+_GENOUT: Final = 0x40
 _KEPT_RECORD_BYTES: Final = 200
 """Memory of a record that is kept."""
 _PACKET_BYTES: Final = 6
 """Of a packet without content."""
-_NEW = 1
-_HORIZONTAL = 4
-_DIFFERENTIAL = 1
-_PHASE = 2
-_FIXED = 4
-_OMNISTAR = 8
+_NEW: Final = 1
+_HORIZONTAL: Final = 4
+_DIFFERENTIAL: Final = 1
+_CARRIER_PHASE: Final = 2
+_FIXED: Final = 4
+_OMNISTAR: Final = 8
 _RTX: Final = 64
 _VELOCITY_VALID: Final = 1
-_YAW_VALID = 4
-_FIXED_MODE = 3 << 8
+_YAW_VALID: Final = 4
+_FIXED_MODE: Final = 3 << 8
 """Bit of the flags of an attitude; mode of one with fixed ambiguities, with the reserved byte behind it."""
 
 _Content = tuple[int, bytes]
@@ -170,7 +170,7 @@ class GsofLog(PositionLog):
         """By records with positions; possible (0.3) where there are others."""
         scanner = _Scanner(MessageCounts[str]())
         scanner.scan(head.data, 0, last=True)
-        if scanner.found[TIME] and scanner.found[PLACE]:
+        if scanner.found[TIME_RECORD] and scanner.found[PLACE_RECORD]:
             return 0.95
         counts = scanner.counts
         return 0.3 if counts.intact > 2 and counts.message_bytes >= MIN_INTACT_SHARE * len(head.data) else 0.0
@@ -183,8 +183,8 @@ class GsofLog(PositionLog):
             ends.append(scanner.counts.stream_bytes)
         name = recording_name(paths)
         facts = log_facts(scanner.counts, "messages", str, name, self.notices)
-        time = scanner.messages(TIME)
-        place = scanner.messages(PLACE)
+        time = scanner.messages(TIME_RECORD)
+        place = scanner.messages(PLACE_RECORD)
         base = time[np.isin(time.at, place.at)]
         if not len(base):
             kinds = ", ".join(kind for kind, _ in scanner.counts.kinds.most_common(4))
@@ -204,16 +204,16 @@ def _columns(base: Messages, scanner: _Scanner) -> tuple[dict[str, NDArray[Any]]
     def joined(kind: int, field: str) -> FloatArray:
         """A field (n,) of another record of the same transmissions; nan without it."""
         other = scanner.messages(kind)
-        if kind == VELOCITY:
+        if kind == VELOCITY_RECORD:
             other = other[(other.values["flags"] & _VELOCITY_VALID) > 0]
-        if kind == ATTITUDE:
+        if kind == ATTITUDE_RECORD:
             fixed = other.values["mode"] & 0xFF00 == _FIXED_MODE
             other = other[fixed & ((other.values["valid"] & _YAW_VALID) > 0)]
         return at_equal(base.at, other.at, other.column(field))
 
     solution, flags, week = (base.values[field].astype(np.int64) for field in ("solution", "flags", "week"))
-    differential, phase, fixed = ((solution & bit) > 0 for bit in (_DIFFERENTIAL, _PHASE, _FIXED))
-    network = np.nan_to_num(joined(SOLUTION, "network")).astype(np.int64)
+    differential, phase, fixed = ((solution & bit) > 0 for bit in (_DIFFERENTIAL, _CARRIER_PHASE, _FIXED))
+    network = np.nan_to_num(joined(SOLUTION_RECORD, "network")).astype(np.int64)
     ppp = differential & phase & ((network & _RTX > 0) | (solution & _OMNISTAR > 0) & ~fixed)
     fix = np.select(
         [(flags & (_NEW | _HORIZONTAL)) != _NEW | _HORIZONTAL, ppp, differential & phase & fixed, differential & phase,
@@ -221,22 +221,22 @@ def _columns(base: Messages, scanner: _Scanner) -> tuple[dict[str, NDArray[Any]]
         [Fix.NONE, Fix.PPP, Fix.FIXED, Fix.FLOAT, Fix.DGPS],
         Fix.SINGLE,
     )  # fmt: skip
-    lat, lon = (np.degrees(joined(PLACE, name)) for name in ("lat", "lon"))
+    lat, lon = (np.degrees(joined(PLACE_RECORD, name)) for name in ("lat", "lon"))
     on_earth = (np.abs(lat) <= 90.0) & (np.abs(lon) <= 360.0)
     ms = base.column("ms")
     known = (week > 0) & (week < 10_000) & (ms < 1000.0 * WEEK_S)
-    sigma = {f"sigma_{axis}_m": joined(SIGMAS, axis) for axis in "enh"}
+    sigma = {f"sigma_{axis}_m": joined(SIGMAS_RECORD, axis) for axis in "enh"}
     return {
         "t_s": np.where(known, gps_to_utc_s(week * WEEK_S + 1e-3 * ms), np.nan),
         "lon_deg": np.where(on_earth, lon, np.nan),
         "lat_deg": np.where(on_earth, lat, np.nan),
-        "height_m": joined(PLACE, "height"),
+        "height_m": joined(PLACE_RECORD, "height"),
         "fix": fix.astype(np.int8),
         **{name: np.where(values > 0.0, values, np.nan) for name, values in sigma.items()},
-        "speed_mps": joined(VELOCITY, "speed"),
-        "course_deg": np.degrees(joined(VELOCITY, "course")) % 360.0,
-        "heading_deg": np.degrees(joined(ATTITUDE, "yaw")) % 360.0,
+        "speed_mps": joined(VELOCITY_RECORD, "speed"),
+        "course_deg": np.degrees(joined(VELOCITY_RECORD, "course")) % 360.0,
+        "heading_deg": np.degrees(joined(ATTITUDE_RECORD, "yaw")) % 360.0,
         "satellites": base.values["satellites"].astype(np.int16),
-        "hdop": joined(DILUTION, "hdop"),
-        "age_s": joined(SOLUTION, "age"),
+        "hdop": joined(DILUTION_RECORD, "hdop"),
+        "age_s": joined(SOLUTION_RECORD, "age"),
     }, ppp

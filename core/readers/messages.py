@@ -17,8 +17,8 @@ from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.memory import expect_rows
 
-FLETCHER = 0
-CRC = 1
+FLETCHER: Final = 0
+CRC: Final = 1
 """Checksums: Fletcher's of 8 bits (RFC 1145), which ends a frame and covers all behind its synchronisation; CRC-CCITT
 (polynomial 1021 hexadecimal, initial value 0), which follows the synchronisation and covers all behind itself."""
 _POLYNOMIAL: Final = 0x1021

@@ -352,9 +352,9 @@ _PCAP_MAGIC: Final = {
 }
 _SECTION: Final = b"\x0a\x0d\x0d\x0a"
 _MAX_INTERFACES: Final = 1 << 10
-_END_OF_OPTIONS = 0
-_TIME_RESOLUTION = 9
-_TIME_OFFSET = 14
+_END_OF_OPTIONS: Final = 0
+_TIME_RESOLUTION: Final = 9
+_TIME_OFFSET: Final = 14
 
 
 def capture_format(head: bytes) -> str:

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
 from furrowmap.core.readers.agopengps import PARTS, is_field_folder
 from furrowmap.core.readers.source import Head, look
@@ -27,7 +27,7 @@ from furrowmap.core.values.pose_track import AttitudeTrack, PoseTrack
 from furrowmap.core.values.scan import Clock, ClockReading, Scan
 from furrowmap.core.values.tool_states import ToolStates
 
-GROUP = "furrowmap.readers"
+GROUP: Final = "furrowmap.readers"
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO, Final, Protocol
 
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.memory import expect_growth
@@ -21,19 +21,19 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-HEAD_BYTES = 1 << 16
+HEAD_BYTES: Final = 1 << 16
 
-_MAGIC = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"\xfd7zXZ\x00": "xz"}
-_SUFFIX = {"gzip": ".gz", "zstd": ".zst", "xz": ".xz"}
-_UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-_TEXT_LOOKED_AT = 1024
+_MAGIC: Final = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"\xfd7zXZ\x00": "xz"}
+_SUFFIX: Final = {"gzip": ".gz", "zstd": ".zst", "xz": ".xz"}
+_UTF16: Final = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+_TEXT_LOOKED_AT: Final = 1024
 """Bytes that tell text in UTF-16 from binary data that begins like it."""
-_LEAST_TEXT = 8
-_PLAIN_SHARE = 0.9
-_PLAIN_SHARE_BEHIND_MARK = 0.2
+_LEAST_TEXT: Final = 8
+_PLAIN_SHARE: Final = 0.9
+_PLAIN_SHARE_BEHIND_MARK: Final = 0.2
 """Of ASCII in text that begins with a byte order mark: a table of Japanese names has separators and digits."""
-_RAW_BYTES = 1 << 18
-_PIECE_BYTES = 1 << 20
+_RAW_BYTES: Final = 1 << 18
+_PIECE_BYTES: Final = 1 << 20
 
 
 class _Member(Protocol):

@@ -126,7 +126,7 @@ def layer_with(path: Path, kinds: Sequence[str]) -> tuple[str | None, list[Notic
     raise ValueError(f"none of its layers has {kinds[0].lower()}s: {there[:200]}")
 
 
-_GEOMETRIES = ("Point", "LineString", "LinearRing", "Polygon", "Model", "Track", "MultiTrack")
+_GEOMETRIES: Final = ("Point", "LineString", "LinearRing", "Polygon", "Model", "Track", "MultiTrack")
 
 
 def _is_kml(head: bytes) -> bool:

@@ -8,6 +8,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from furrowmap.core.simulator.noise import FloatArray, band_noise
 from furrowmap.core.simulator.scenario import FrontImplement, ScenarioDrive, ScenarioImplement
 
-PATH_STEP_M = 0.01
+PATH_STEP_M: Final = 0.01
 """Spacing of the points along the line."""
 
 
@@ -212,10 +213,10 @@ def _wander(path: DrivenPath, wander_m: float, rng: np.random.Generator) -> Driv
     return DrivenPath(path.distance_m, u, v, path.yaw_rad + turn, path.gear, path.limit_mps, path.stops, path.passes)
 
 
-DRIVE_RATE_HZ = 200
+DRIVE_RATE_HZ: Final = 200
 """Samples per second of all motion."""
-LEAD_IN_S = 0.5
-AFTER_S = 0.8
+LEAD_IN_S: Final = 0.5
+AFTER_S: Final = 0.8
 """Duration for which the drive is known before its start and after its end."""
 
 

@@ -5,6 +5,7 @@ A mount may turn against the vehicle; a file says how.
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -50,8 +51,8 @@ class SimulatedMountMotion:
         )
 
 
-_MOTION_BLOCK = 20_000
-_PATCH = 5
+_MOTION_BLOCK: Final = 20_000
+_PATCH: Final = 5
 """Points along the edge of the square on which a tyre rests."""
 
 

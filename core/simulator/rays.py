@@ -39,30 +39,30 @@ class Met(IntEnum):
     DUST = 7
 
 
-_SOIL = int(Met.SOIL)
-_TILLED = int(Met.TILLED)
-_STRAW = int(Met.STRAW)
-_OBJECT = int(Met.OBJECT)
-_IMPLEMENT = int(Met.IMPLEMENT)
-_BODY = int(Met.BODY)
-_DUST = int(Met.DUST)
+_MET_SOIL: Final = int(Met.SOIL)
+_MET_TILLED: Final = int(Met.TILLED)
+_MET_STRAW: Final = int(Met.STRAW)
+_MET_OBJECT: Final = int(Met.OBJECT)
+_MET_IMPLEMENT: Final = int(Met.IMPLEMENT)
+_MET_BODY: Final = int(Met.BODY)
+_MET_DUST: Final = int(Met.DUST)
 _BRIGHTNESS: Final = np.array([0.0, 31.0, 22.0, 54.0, 52.0, 58.0, 44.0, 12.0])
 """Reflectivity of each, in the sensor's units (255 a mirror, 100 a white sheet)."""
 _BRIGHTNESS_STEP: Final = 13.0
 """Reflectivity of a wall of brightness 1."""
 
-_HEIGHT = 3
-_FRONT_HEIGHT = 5
+_TOOL_HEIGHT: Final = 3
+_FRONT_HEIGHT: Final = 5
 """Columns of the firings with the heights of the tool, and of that in front."""
-_DUST_CENTRE = (-0.7, 0.6)
+_DUST_CENTRE: Final = (-0.7, 0.6)
 """Of the dust cloud: behind the tool's line, above the ground."""
-_DUST_RADII = (2.1, 2.4, 1.2)
-_SEPARATION_M = 1.0
+_DUST_RADII: Final = (2.1, 2.4, 1.2)
+_SEPARATION_M: Final = 1.0
 """Two returns of one pulse nearer than this are one (VLP-16 User Manual 63-9243, section on return modes)."""
-_CELL_SHARE = 0.8
-_CROP_SHARE = 0.2
+_CELL_SHARE: Final = 0.8
+_CROP_SHARE: Final = 0.2
 """Half of a crop row's width as a share of the distance of rows."""
-_FAINT = 0.0082
+_FAINT: Final = 0.0082
 """Reflectivity · cos(incidence) / range² at which one pulse in e is lost: soil at 17 m from a sensor 2.4 m high."""
 
 
@@ -190,7 +190,7 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
     ]
     posts = [(e, n, radius, plane(e, n) - 1.0, plane(e, n) + height) for e, n, radius, height in scenario.posts]
     x, y = scenario.implement.xy_m
-    tool = _tool(scenario.implement, _HEIGHT)
+    tool = _tool(scenario.implement, _TOOL_HEIGHT)
     if scenario.front is not None:
         tool = np.concatenate([tool, _tool(scenario.front, _FRONT_HEIGHT)])
     soil = scenario.soil
@@ -392,7 +392,7 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
                         low = middle
                     else:
                         high = middle
-                return 0.5 * (low + high), _SOIL
+                return 0.5 * (low + high), _MET_SOIL
             row = math.floor(n / CELL)
             col = math.floor(e / CELL)
             place = _wrap(row, rows) * cols + _wrap(col, cols)
@@ -404,7 +404,7 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
                 if within > 0.0:
                     depth -= scene.extinction * min(step, within / max(-dz, 1e-9))
                     if depth <= 0.0:
-                        return ahead + depth / scene.extinction, _STRAW
+                        return ahead + depth / scene.extinction, _MET_STRAW
             rows_of_crop = straw[3] != 0.0 or straw[4] != 0.0
             count = e * straw[3] + n * straw[4] + straw[5]
             stands = not rows_of_crop or abs(count - round(count)) < _CROP_SHARE
@@ -415,7 +415,7 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
                 tall = straw[1] * (0.8 + 0.2 * chance if rows_of_crop else chance**3)
                 bare = inside and (t >= ground.first_s[row, col] or ground.worked_earlier[row, col])
                 if not bare and height < tall + relief_at(ground, e, n, t):
-                    return ahead, _STRAW
+                    return ahead, _MET_STRAW
             s = ahead
     return math.inf, 0
 
@@ -507,8 +507,8 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
                 if r < best:
                     best = r
                     incidence = q
-                    what = _BODY
-                    bright = _BRIGHTNESS[_BODY]
+                    what = _MET_BODY
+                    bright = _BRIGHTNESS[_MET_BODY]
             for k in range(len(scene.tool)):
                 box = scene.tool[k]
                 lift = moving[i, int(box[6])]
@@ -516,8 +516,8 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
                 if r < best:
                     best = r
                     incidence = q
-                    what = _IMPLEMENT
-                    bright = _BRIGHTNESS[_IMPLEMENT]
+                    what = _MET_IMPLEMENT
+                    bright = _BRIGHTNESS[_MET_IMPLEMENT]
             for k in range(len(scene.walls)):
                 w = scene.walls[k]
                 ex = x - w[0]
@@ -529,15 +529,15 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
                 if r < best:
                     best = r
                     incidence = q
-                    what = _OBJECT
+                    what = _MET_OBJECT
                     bright = w[8]
             for k in range(len(scene.posts)):
                 r, q = _meet_post(x, y, z, dx, dy, dz, scene.posts[k])
                 if r < best:
                     best = r
                     incidence = q
-                    what = _OBJECT
-                    bright = _BRIGHTNESS[_OBJECT]
+                    what = _MET_OBJECT
+                    bright = _BRIGHTNESS[_MET_OBJECT]
             sinking = dz - ground.slope_e * dx - ground.slope_n * dy
             if sinking < -1e-4:
                 height = z - ground.slope_e * x - ground.slope_n * y
@@ -548,11 +548,11 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
                     incidence = -sinking / math.sqrt(1.0 + ground.slope_e**2 + ground.slope_n**2)
                     row = math.floor((y + r * dy) / CELL)
                     col = math.floor((x + r * dx) / CELL)
-                    if kind == _SOIL and 0 <= row < rows and 0 <= col < cols:
+                    if kind == _MET_SOIL and 0 <= row < rows and 0 <= col < cols:
                         hit = row * cols + col
                         if t >= ground.first_s[row, col] or ground.worked_earlier[row, col]:
-                            what = _TILLED
-                    if kind == _STRAW:
+                            what = _MET_TILLED
+                    if kind == _MET_STRAW:
                         incidence = 1.0
                     bright = _BRIGHTNESS[what]
             slot = 0
@@ -569,7 +569,7 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
                         p, d = (px, vx) if k == 0 else (py, vy) if k == 1 else (pz, vz)
                         rim += ((p + r * d - scene.dust[k]) / scene.dust[3 + k]) ** 2
                     if _chance(optics.seed, ray, 10) > rim and _record(
-                        optics, ray, 0, r, 1.0, _DUST, _BRIGHTNESS[_DUST], laser, i, ticks, reflectivity, met
+                        optics, ray, 0, r, 1.0, _MET_DUST, _BRIGHTNESS[_MET_DUST], laser, i, ticks, reflectivity, met
                     ):
                         slot = 1
                         if best - r < _SEPARATION_M:

@@ -6,7 +6,7 @@ import datetime as dt
 import functools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 import numpy as np
@@ -19,11 +19,11 @@ from furrowmap.core.simulator.scenario import Scenario, ScenarioField
 if TYPE_CHECKING:
     from pyproj import Transformer
 
-CELL_M = 0.025
+CELL_M: Final = 0.025
 """Cell size of the simulated ground; the ground truth has cells twice as large."""
-CROP_CELL_M = 0.02
+CROP_CELL_M: Final = 0.02
 """Cell size of the crop on it; its truth has cells twice as large, as wide as the pixels that crops are measured in."""
-MAX_SITE_CELLS = 80_000_000
+MAX_SITE_CELLS: Final = 80_000_000
 """Five hectares; the ground takes about 40 bytes per cell during its computation."""
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import scipy.fft
@@ -21,9 +21,9 @@ from furrowmap.core.simulator.noise import Float32Array, FloatArray, random_for
 from furrowmap.core.simulator.scenario import EarlierDrive, Scenario, ScenarioSoil
 from furrowmap.core.simulator.site import CELL_M
 
-NOISE_BLOCK = 16
+NOISE_BLOCK: Final = 16
 """Cells along the edge of the blocks whose highest point is known."""
-FOOTPRINT_M = 0.014
+FOOTPRINT_M: Final = 0.014
 """Standard deviation of the blur of a beam's footprint, below which relief cannot be measured."""
 
 

@@ -19,10 +19,10 @@ from furrowmap.core.surfaces.ground import Smrf, ground_cells
 from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.scan import PointClass
 
-_GROUND = np.uint8(PointClass.GROUND)
-_NOISE = np.uint8(PointClass.NOISE)
-_VEHICLE = np.uint8(PointClass.VEHICLE)
-_IMPLEMENT = np.uint8(PointClass.IMPLEMENT)
+_GROUND_CLASS: Final = np.uint8(PointClass.GROUND)
+_NOISE_CLASS: Final = np.uint8(PointClass.NOISE)
+_VEHICLE_CLASS: Final = np.uint8(PointClass.VEHICLE)
+_IMPLEMENT_CLASS: Final = np.uint8(PointClass.IMPLEMENT)
 GROUND_CELL_M: Final = 0.5
 TILE_CELLS: Final = 64
 GROUND_TILE_M: Final = TILE_CELLS * GROUND_CELL_M
@@ -248,7 +248,7 @@ def _set_classes(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-
     last_key = np.int64(-1)
     tile = np.int64(-1)
     for i in range(len(x)):
-        if classes[i] == _VEHICLE or classes[i] == _IMPLEMENT:
+        if classes[i] == _VEHICLE_CLASS or classes[i] == _IMPLEMENT_CLASS:
             continue
         u = x[i] * (step_m / GROUND_CELL_M)
         v = y[i] * (step_m / GROUND_CELL_M)
@@ -280,6 +280,6 @@ def _set_classes(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-
         above = z[i] * step_m - ground
         more = SLOPE_SHARE * slope
         if abs(above) <= NEAR_GROUND_M + more:
-            classes[i] = _GROUND
+            classes[i] = _GROUND_CLASS
         elif above < -BELOW_M - more:
-            classes[i] = _NOISE
+            classes[i] = _NOISE_CLASS

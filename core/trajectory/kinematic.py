@@ -43,7 +43,7 @@ stated noise; what scatters more does not fit the vehicle."""
 USUAL: Final = 1.1774
 """Median of the distance by normal noise in two axes, in standard deviations of one (Rayleigh's distribution)."""
 
-_STATE = 5  # easting, northing, yaw, error in easting, error in northing
+_STATE_SIZE: Final = 5  # easting, northing, yaw, error in easting, error in northing
 
 
 @dataclass(frozen=True)
@@ -120,12 +120,12 @@ def solve_path(
     """
     n = len(chain.t_s)
     origin = start_en_m[0].copy()
-    state = np.zeros((n, _STATE))
+    state = np.zeros((n, _STATE_SIZE))
     state[:, :2] = start_en_m - origin - _turned(start_yaw_rad, antenna.lever_m)
     state[:, 2] = start_yaw_rad
     weight = np.ones(n)
     for _ in range(PATH_ROUNDS):
-        equations = NormalEquations(n * _STATE, 2 * _STATE + 1)
+        equations = NormalEquations(n * _STATE_SIZE, 2 * _STATE_SIZE + 1)
         _add_positions(equations, antenna, state, origin, weight)
         _add_drift(equations, chain, antenna.drift_m, antenna.drift_run, state, first=3, axes=2)
         _add_wheels(equations, chain, state)
@@ -133,11 +133,11 @@ def solve_path(
         # Curvature and not yaw rate: a vehicle that drives off with its wheels turned starts to turn at once.
         middle, before, after = _triples(chain)
         span = 0.5 * (before + after)
-        design = _second_difference(before, after, _STATE)
+        design = _second_difference(before, after, _STATE_SIZE)
         for column in range(2):
             value = state[:, column]
             change = (value[middle + 1] - value[middle]) / after - (value[middle] - value[middle - 1]) / before
-            equations.add((middle - 1) * _STATE + column, design, -change, ACCELERATION_MPS2 * span)
+            equations.add((middle - 1) * _STATE_SIZE + column, design, -change, ACCELERATION_MPS2 * span)
 
         way = np.hypot(*np.diff(state[:, :2], axis=0).T)
         behind = way[middle - 1]
@@ -146,15 +146,15 @@ def solve_path(
         # turn ahead · way behind = turn behind · way ahead
         a = behind / mean
         b = ahead / mean
-        design = np.zeros((len(middle), 2 * _STATE + 1))
+        design = np.zeros((len(middle), 2 * _STATE_SIZE + 1))
         design[:, 0] = b
-        design[:, _STATE] = -a - b
-        design[:, 2 * _STATE] = a
+        design[:, _STATE_SIZE] = -a - b
+        design[:, 2 * _STATE_SIZE] = a
         turn = np.diff(state[:, 2])
         sigma = CURVATURE_RATE * span * behind * ahead / mean + CURVATURE_FLOOR_RAD
-        equations.add((middle - 1) * _STATE + 2, design, b * turn[middle - 1] - a * turn[middle], sigma)
+        equations.add((middle - 1) * _STATE_SIZE + 2, design, b * turn[middle - 1] - a * turn[middle], sigma)
         solution = equations.solve()
-        step = solution.values.reshape(n, _STATE)
+        step = solution.values.reshape(n, _STATE_SIZE)
         state += step
         residual = _position_residual(antenna, state, origin)
         normed = np.hypot(residual[:, 0], residual[:, 1]) / antenna.white_m
@@ -162,7 +162,7 @@ def solve_path(
         if float(np.abs(step[:, 2]).max()) < CONVERGED_RAD:
             break
     height, sigma_h = _solve_height(chain, antenna)
-    spread = solution.sigma().reshape(n, _STATE)
+    spread = solution.sigma().reshape(n, _STATE_SIZE)
     return Path(
         xyz_m=np.column_stack([state[:, :2] + origin, height - antenna.lever_m[2]]),
         yaw_rad=state[:, 2],
@@ -204,17 +204,17 @@ def _add_positions(
     by_yaw = np.column_stack([-lever[:, 1], lever[:, 0]])
     sigma = antenna.white_m[known] / np.sqrt(weight[known])
     for axis in range(2):
-        design = np.zeros((len(known), _STATE))
+        design = np.zeros((len(known), _STATE_SIZE))
         design[:, axis] = 1.0
         design[:, 2] = by_yaw[:, axis]
         design[:, 3 + axis] = 1.0
-        equations.add(known * _STATE, design, residual[:, axis], sigma)
+        equations.add(known * _STATE_SIZE, design, residual[:, axis], sigma)
     shown = np.flatnonzero(np.isfinite(antenna.yaw_rad))
     if len(shown):
         off = antenna.yaw_rad[shown] - state[shown, 2]
         off = (off + np.pi) % (2 * np.pi) - np.pi
         sigma = antenna.sigma_yaw_rad * np.maximum(1.0, np.abs(off) / (HUBER_SIGMAS * antenna.sigma_yaw_rad)) ** 0.5
-        equations.add(shown * _STATE + 2, np.ones((len(shown), 1)), off, sigma)
+        equations.add(shown * _STATE_SIZE + 2, np.ones((len(shown), 1)), off, sigma)
 
 
 def _add_drift(
@@ -253,25 +253,27 @@ def _add_wheels(equations: NormalEquations, chain: PathEpochs, state: FloatArray
     s = np.sin(middle)
     sideways = -s * step[moving, 0] + c * step[moving, 1]
     along = c * step[moving, 0] + s * step[moving, 1]
-    design = np.zeros((len(moving), _STATE + 3))
+    design = np.zeros((len(moving), _STATE_SIZE + 3))
     design[:, 0] = s
     design[:, 1] = -c
     design[:, 2] = -0.5 * along
     design[:, 5] = -s
     design[:, 6] = c
     design[:, 7] = -0.5 * along
-    equations.add(moving * _STATE, design, -sideways, np.hypot(SLIP * along, PATH_SLIP_FLOOR_M))
+    equations.add(moving * _STATE_SIZE, design, -sideways, np.hypot(SLIP * along, PATH_SLIP_FLOOR_M))
 
     still = np.flatnonzero(chain.standing & ~chain.gap)
     # Over a long gap nothing is known of the yaw; a weaker link than that makes the equations singular.
     turning = np.where(chain.standing, STAND_STEP_RAD, np.minimum(YAW_RATE_RADPS * dt, np.pi))
-    pair = np.zeros((len(dt), _STATE + 1))
+    pair = np.zeros((len(dt), _STATE_SIZE + 1))
     pair[:, 0] = -1.0
-    pair[:, _STATE] = 1.0
+    pair[:, _STATE_SIZE] = 1.0
     for column in range(2):
-        equations.add(still * _STATE + column, pair[still], -step[still, column], np.full(len(still), STAND_STEP_M))
+        equations.add(
+            still * _STATE_SIZE + column, pair[still], -step[still, column], np.full(len(still), STAND_STEP_M)
+        )
     every = np.arange(len(dt))
-    equations.add(every * _STATE + 2, pair, -step[:, 2], turning)
+    equations.add(every * _STATE_SIZE + 2, pair, -step[:, 2], turning)
 
 
 def _solve_height(chain: PathEpochs, antenna: EpochMeasurements) -> tuple[FloatArray, FloatArray]:

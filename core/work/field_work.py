@@ -202,7 +202,7 @@ def pass_depths(
     return tuple(depths)
 
 
-_NO_MACHINE = Notice("machine-not-known")
+_NO_MACHINE: Final = Notice("machine-not-known")
 _RINGED_SCANS: Final = 5
 """First scans that show whether the scanner has rings."""
 

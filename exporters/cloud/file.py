@@ -28,8 +28,8 @@ from furrowmap.exporters.cloud.octree import Key
 from furrowmap.exporters.cloud.points import Extent
 from furrowmap.exporters.cloud.records import Chosen, select_columns
 
-PLAIN = 6
-COLOURED = 7
+PLAIN: Final = 6
+COLOURED: Final = 7
 """Point formats of LAS."""
 MAX_COMING: Final = 64
 """Maximum number of nodes in compression; each waits with a few bytes a point."""

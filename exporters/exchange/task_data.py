@@ -55,8 +55,8 @@ _LOG_RECORD: Final = np.dtype(
      ("gps_day", "<u2"), ("count", "u1")]
 )  # fmt: skip
 _LOG_VALUE: Final = np.dtype([("channel", "u1"), ("value", "<i4")])
-_STATE = 0
-_WIDTH = 1
+_STATE: Final = 0
+_WIDTH: Final = 1
 """Places of the values among the header's."""
 
 

@@ -31,13 +31,13 @@ MAX_TEXTURE_PIXELS: Final = 8192
 """Across the texture: the largest that graphics cards of laptops take without exception."""
 UNSEEN_GREY: Final = 128
 """Level of places without a picture."""
-_GLB = 0x46546C67
-_JSON = 0x4E4F534A
-_BIN = 0x004E4942
-_FLOAT = 5126
-_UINT = 5125
-_VERTICES = 34962
-_INDICES = 34963
+_GLB: Final = 0x46546C67
+_JSON: Final = 0x4E4F534A
+_BIN: Final = 0x004E4942
+_FLOAT: Final = 5126
+_UINT: Final = 5125
+_VERTICES: Final = 34962
+_INDICES: Final = 34963
 _QUALITY: Final = "88"
 
 

@@ -256,7 +256,7 @@ def short_hash(value: object) -> str:
     return hashlib.sha256(json.dumps(value, ensure_ascii=False).encode("utf-8", "surrogatepass")).hexdigest()[:16]
 
 
-TASK_HEIGHTS = "not measured"
+TASK_HEIGHTS: Final = "not measured"
 """Height system of positions that task data log."""
 
 

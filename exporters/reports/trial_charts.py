@@ -20,15 +20,15 @@ from furrowmap.exporters.reports.svg import WIDTH, Axis, Number, corners, drawin
 CHART_HEIGHT: Final = 400.0
 GROUP_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#444444")
 """Okabe and Ito (2008), which all readers can tell apart, without yellow."""
-_LEFT = 74.0
-_RIGHT = WIDTH - 14.0
-_TOP = 34.0
-_BOTTOM = 320.0
+_LEFT: Final = 74.0
+_RIGHT: Final = WIDTH - 14.0
+_TOP: Final = 34.0
+_BOTTOM: Final = 320.0
 _KEYS: Final = (6.0, 150.0, 275.0)
 """Where the keys of a curve begin: with room for their words in every language."""
-_INK = "#333333"
-_PALE = "#dddddd"
-_GREEN = "#009e73"
+_INK: Final = "#333333"
+_PALE: Final = "#dddddd"
+_GREEN: Final = "#009e73"
 _TICK_STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 

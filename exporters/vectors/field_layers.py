@@ -20,7 +20,7 @@ from furrowmap.core.work.strip_differences import StripDifferences
 from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.files.csv_cells import write_csv
 
-HEADER = ("time", "t_s", "state", "sigma_s", "confidence", "common_share")
+HEADER: Final = ("time", "t_s", "state", "sigma_s", "confidence", "common_share")
 
 
 def write_states(path: Path, states: ToolStates) -> None:

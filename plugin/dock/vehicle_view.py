@@ -19,7 +19,7 @@ REAR_WHEEL_M = 0.55
 FRONT_WHEEL_M = 0.36
 WHEELBASE_M = 1.75
 TRACK_M = 1.25
-TYRE_M = 0.30
+TYRE_WIDTH_M = 0.30
 """Dimensions of a compact tractor, drawn for comparison."""
 DRAWN_BEAM_M = 3.0
 DRAWN_BEYOND_M = 0.5
@@ -172,7 +172,7 @@ class VehicleView(QWidget):
         view.polygon([(-0.3, -0.4), (-0.3, 0.4), (2.05, 0.3), (2.05, -0.3)], BODY_COLOUR)
         for x, radius in ((0.0, REAR_WHEEL_M), (WHEELBASE_M, FRONT_WHEEL_M)):
             for y in (-0.5 * TRACK_M, 0.5 * TRACK_M):
-                view.box((x - radius, y - 0.5 * TYRE_M), (x + radius, y + 0.5 * TYRE_M), TYRE_COLOUR)
+                view.box((x - radius, y - 0.5 * TYRE_WIDTH_M), (x + radius, y + 0.5 * TYRE_WIDTH_M), TYRE_COLOUR)
         if p.implement_xy_m:
             x, y = p.implement_xy_m
             half = 0.5 * p.implement_width_m

@@ -22,8 +22,8 @@ from furrowmap.settings import SolveSettings
 PROGRAM: Final = "rnx2rtkp"
 SYSTEMS: Final = "G,R,E,J,C"
 """GPS, GLONASS, Galileo, QZSS, BeiDou."""
-_KINEMATIC = "2"
-_STATIC = "3"
+_KINEMATIC: Final = "2"
+_STATIC: Final = "3"
 _APPROXIMATE: Final = re.compile(rb"^(.{14})(.{14})(.{14}).{18}APPROX POSITION XYZ", re.MULTILINE)
 MIN_RADIUS_M: Final = 6_000_000.0
 """Nearer to the earth's centre no antenna stands: the header was left at 0."""

@@ -29,9 +29,9 @@ PCAP_HEAD: Final = struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, 1)
 PCAP_RECORD: Final = struct.Struct("<IIII")
 TIMESPEC: Final = struct.Struct("@qq")
 STAMP_SPACE: Final = 64
-SO_RCVBUFFORCE = 33
-SO_TIMESTAMPNS = 35
-SO_MEMINFO = 55
+SO_RCVBUFFORCE: Final = 33
+SO_TIMESTAMPNS: Final = 35
+SO_MEMINFO: Final = 55
 """Options of Linux that Python has no names for (asm-generic/socket.h)."""
 MEMINFO: Final = struct.Struct("@9I")
 """Of SO_MEMINFO (linux/sock_diag.h); the last number is that of the packets that were dropped."""

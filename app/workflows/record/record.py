@@ -21,7 +21,7 @@ from furrowmap.workflows.record.receivers import GnssReceiver
 from furrowmap.workflows.record.recorder import Recorder, ThreadEnds
 from furrowmap.workflows.record.senders import Senders
 from furrowmap.workflows.record.series import Series
-from furrowmap.workflows.record.session_file import SESSION, SessionFile
+from furrowmap.workflows.record.session_file import SESSION_FILE, SessionFile
 from furrowmap.workflows.record.small_files import SmallFiles
 from furrowmap.workflows.record.storage import Storage
 from furrowmap.workflows.record.watch import Status, Watch
@@ -126,7 +126,7 @@ def record(
     finally:
         sys.setswitchinterval(interval_s)
         status = recorder.end()
-    return Recorded(folder / SESSION, status.values)
+    return Recorded(folder / SESSION_FILE, status.values)
 
 
 def _tell_until(ends_s: float, recorder: Recorder, told: Callable[[Told], None]) -> None:

@@ -11,7 +11,7 @@ from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.runtime.supervised import SupervisedThread, cause_of
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.workflows.record.ouster_metadata import MetadataAsker
-from furrowmap.workflows.record.session_file import SESSION, SessionFile
+from furrowmap.workflows.record.session_file import SESSION_FILE, SessionFile
 from furrowmap.workflows.record.small_files import SmallFiles
 from furrowmap.workflows.record.watch import Status, Watch
 
@@ -130,7 +130,7 @@ class Recorder:
         try:
             self._session.update()
         except Exception as error:  # noqa: BLE001 whatever a session says that was there
-            self._watch.note_fault(SESSION, error)
+            self._watch.note_fault(SESSION_FILE, error)
         for sender in self._watch.network.senders.first_ones:
             if sender.arrived.maker == "Ouster":
                 self._asker.ask(sender.address, sender.series.stem)

@@ -15,7 +15,7 @@ from furrowmap.core.values.machine import Machine
 from furrowmap.workflows.record.senders import Rank, Sender
 from furrowmap.workflows.record.watch import SESSION_SCANNERS, Watch
 
-SESSION: Final = "session.toml"
+SESSION_FILE: Final = "session.toml"
 MAX_BYTES: Final = 1 << 20
 
 
@@ -46,13 +46,13 @@ class SessionFile:
         except (RefusedError, ValueError) as error:  # one that was there, and is written in another way: it is kept
             watch.lasting = [
                 *self._lasting,
-                Notice("record-session-kept", name=SESSION, fault=str(error).partition("\n")[0]),
+                Notice("record-session-kept", name=SESSION_FILE, fault=str(error).partition("\n")[0]),
             ]
         else:
             watch.lasting = self._lasting
         if text != self._text:
             self._text = text
-            watch.storage.small.replace(SESSION, text, durable=True)
+            watch.storage.small.replace(SESSION_FILE, text, durable=True)
 
     def _scanners(self, text: str) -> list[Sender]:
         heard = [sender for sender in self._watch.network.senders.first_ones if sender.series.files]
@@ -65,7 +65,7 @@ class SessionFile:
     def _there(self) -> str:
         """The session of an earlier recording into the folder, with what its user has filled in; empty without one."""
         with suppress(OSError, UnicodeDecodeError):
-            descriptor = os.open(self._folder / SESSION, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+            descriptor = os.open(self._folder / SESSION_FILE, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
             with os.fdopen(descriptor, "rb") as file:
                 status = os.fstat(descriptor)
                 if stat.S_ISREG(status.st_mode) and status.st_size <= MAX_BYTES:

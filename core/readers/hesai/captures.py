@@ -90,16 +90,16 @@ _QT_US: Final = np.array(
      119.6, 122.05, 124.11, 126.17, 128.22, 130.28, 132.34, 134.39, 136.45)
 )  # fmt: skip
 
-_CHANNEL: Final = np.arange(32, dtype=np.float64)
+_LASERS: Final = np.arange(32, dtype=np.float64)
 _AXIS: Final = np.zeros(64)
 """Azimuths of lasers in line, and heights of beams that meet in the sensor's origin."""
 _HESAI_MODELS: Final = tuple(
     Model(name, product, layout, 0.004, cycle_s, laser_us * 1e-6, elevation, azimuth, _AXIS[: len(elevation)], start_s,
           stamp_at_last=name != "PandarQT64")
     for name, product, layout, cycle_s, laser_us, elevation, azimuth, start_s in (
-        ("PandarXT-32", 0x062008, _XT, 50e-6, 6.0 + 1.512 * _CHANNEL, 15.0 - _CHANNEL, _AXIS[:32], 0.0),
-        ("PandarXT-16", 0x061008, _XT16, 50e-6, 6.0 + 3.024 * _CHANNEL[:16], 15.0 - 2 * _CHANNEL[:16], _AXIS[:16], 0.0),
-        ("PandarXT-32M", 0x062006, _XTM, 50e-6, 6.0 + 2.888 * (_CHANNEL % 16), 19.5 - 1.3 * _CHANNEL, _AXIS[:32], 0.0),
+        ("PandarXT-32", 0x062008, _XT, 50e-6, 6.0 + 1.512 * _LASERS, 15.0 - _LASERS, _AXIS[:32], 0.0),
+        ("PandarXT-16", 0x061008, _XT16, 50e-6, 6.0 + 3.024 * _LASERS[:16], 15.0 - 2 * _LASERS[:16], _AXIS[:16], 0.0),
+        ("PandarXT-32M", 0x062006, _XTM, 50e-6, 6.0 + 2.888 * (_LASERS % 16), 19.5 - 1.3 * _LASERS, _AXIS[:32], 0.0),
         ("PandarQT64", 0x034004, _QT, 500e-6 / 3.0, _QT_US, _QT_DEG, _QT_AZIMUTH_DEG, 35.71e-6),
         ("Pandar40P", 0x28000A, _P40, 55.56e-6, -_P40_BEFORE_US, _P40_DEG, _P40_AZIMUTH_DEG, -28.58e-6),
         ("Pandar64", 0x400006, _P64, 55.56e-6, -_P64_BEFORE_US, _P64_DEG, _P64_AZIMUTH_DEG, -42.58e-6),

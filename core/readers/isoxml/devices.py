@@ -11,10 +11,10 @@ from furrowmap.core.readers.isoxml.xml import Element
 MAX_ELEMENT_LEVELS: Final = 32
 """More than any machine has elements one in another."""
 INT32: Final = np.iinfo(np.int32)
-SECTION = "4"
-UNIT = "5"
-CONNECTOR = "6"
-NAVIGATION = "7"
+SECTION: Final = "4"
+UNIT: Final = "5"
+CONNECTOR: Final = "6"
+NAVIGATION: Final = "7"
 """Kinds of device elements; 1 is the device itself, 2 a function, 3 a bin."""
 PARALLEL: Final = frozenset({SECTION, UNIT})
 """Kinds of device elements that are side by side."""

@@ -50,13 +50,13 @@ from furrowmap.core.values.crs import crs_of_file
 from furrowmap.core.values.extents import bounds
 
 _USER_ID: Final = "LASF_Projection"
-_WKT = 2112
-_KEYS = 34735
-_DOUBLES = 34736
-_TEXTS = 34737
-_MODEL = 1024
-_GEOGRAPHIC = 2048
-_PROJECTED = 3072
+_WKT_RECORD: Final = 2112
+_KEYS_RECORD: Final = 34735
+_DOUBLES_RECORD: Final = 34736
+_TEXTS_RECORD: Final = 34737
+_MODEL: Final = 1024
+_GEOGRAPHIC: Final = 2048
+_PROJECTED: Final = 3072
 """GeoTIFF keys: model type, code of the geographic CRS, code of the projected CRS (or 32767: user-defined)."""
 _SAME: Final = 1e-3
 """Two CRS are the same if the middle of the file differs by less than this between them, in their unit."""
@@ -71,8 +71,12 @@ def stated_crs(
     only that states them.
     """
     notices: list[Notice] = []
-    texts = [r.data for r in records if (r.user, r.number) == (_USER_ID, _WKT) and r.data.strip(b"\0 ")]
-    keys = {r.number: r.data for r in reversed(records) if r.user == _USER_ID and r.number in (_KEYS, _DOUBLES, _TEXTS)}
+    texts = [r.data for r in records if (r.user, r.number) == (_USER_ID, _WKT_RECORD) and r.data.strip(b"\0 ")]
+    keys = {
+        r.number: r.data
+        for r in reversed(records)
+        if r.user == _USER_ID and r.number in (_KEYS_RECORD, _DOUBLES_RECORD, _TEXTS_RECORD)
+    }
     by_text = next(filter(None, (_from_wkt(path, text, notices) for text in texts)), None)
     by_keys = _from_keys(path, keys, notices)
     heights, odd = heights_by_keys(path.name, _short_keys(keys), by_keys)
@@ -152,7 +156,7 @@ def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> 
 
 def _short_keys(records: dict[int, bytes]) -> dict[int, int]:
     """The GeoTIFF keys that have one number, such as a code."""
-    directory = records.get(_KEYS, b"")
+    directory = records.get(_KEYS_RECORD, b"")
     entries = struct.iter_unpack(
         "<4H", directory[8 : 8 + (len(directory) - 8) // 8 * 8] if len(directory) >= 8 else b""
     )
@@ -161,15 +165,15 @@ def _short_keys(records: dict[int, bytes]) -> dict[int, int]:
 
 def _pixel(records: dict[int, bytes]) -> bytes:
     """A TIFF of one pixel with these GeoTIFF records, without the keys that point outside them."""
-    doubles = records.get(_DOUBLES, b"")[: len(records.get(_DOUBLES, b"")) // 8 * 8]
-    texts = records.get(_TEXTS, b"")
-    data = records[_KEYS]
+    doubles = records.get(_DOUBLES_RECORD, b"")[: len(records.get(_DOUBLES_RECORD, b"")) // 8 * 8]
+    texts = records.get(_TEXTS_RECORD, b"")
+    data = records[_KEYS_RECORD]
     entries = [
         entry
         for entry in struct.iter_unpack("<4H", data[8 : 8 + (len(data) - 8) // 8 * 8])
         if entry[1] == 0
-        or (entry[1] == _DOUBLES and (entry[2] + entry[3]) * 8 <= len(doubles))
-        or (entry[1] == _TEXTS and entry[2] + entry[3] <= len(texts))
+        or (entry[1] == _DOUBLES_RECORD and (entry[2] + entry[3]) * 8 <= len(doubles))
+        or (entry[1] == _TEXTS_RECORD and entry[2] + entry[3] <= len(texts))
     ]
     entries = [entry for entry in sorted(entries) if entry[0]]
     directory = struct.pack("<4H", 1, 1, 0, len(entries)) + b"".join(struct.pack("<4H", *entry) for entry in entries)
@@ -184,10 +188,10 @@ def _pixel(records: dict[int, bytes]) -> bytes:
         (279, 4, 1, struct.pack("<I", 1)),
         (33550, 12, 3, struct.pack("<3d", 1, 1, 0)),
         (33922, 12, 6, bytes(48)),
-        (_KEYS, 3, len(directory) // 2, directory),
+        (_KEYS_RECORD, 3, len(directory) // 2, directory),
     ]
-    tags += [(_DOUBLES, 12, len(doubles) // 8, doubles)] if doubles else []
-    tags += [(_TEXTS, 2, len(texts) + 1, texts + b"\0")] if texts else []
+    tags += [(_DOUBLES_RECORD, 12, len(doubles) // 8, doubles)] if doubles else []
+    tags += [(_TEXTS_RECORD, 2, len(texts) + 1, texts + b"\0")] if texts else []
     start = 16
     values = b""
     entries_at = b""

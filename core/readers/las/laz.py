@@ -26,8 +26,8 @@ from furrowmap.core.runtime.settings import allows
 
 LAZ_USER_ID: Final = "laszip encoded"
 LAZ_RECORD_ID: Final = 22204
-POINTWISE = 2
-LAYERED = 3
+POINTWISE: Final = 2
+LAYERED: Final = 3
 """Compressors with chunks that can be decoded independently."""
 VARIABLE_CHUNKS: Final = 0xFFFF_FFFF
 """Chunk size that stands for variable sizes, which are in the chunk table."""

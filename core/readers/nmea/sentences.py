@@ -184,22 +184,22 @@ def scan_bytes(
 
 _BAD, _CUT, _BEHIND, _BYTES = range(4)
 _GGA, _RMC, _GST, _VTG, _HDT, _ZDA, _GNS, _PUBX, _PUBX_MOTION, _PASHR = (int(kind) for kind in Kind)
-_MOST_FIELDS = 19
-_SHORTEST_BYTES = 4
+_MOST_FIELDS: Final = 19
+_SHORTEST_BYTES: Final = 4
 """Of an intact sentence: dollar, star, checksum."""
-_TENS = 10.0 ** np.arange(19)
+_TENS: Final = 10.0 ** np.arange(19)
 
 _DOLLAR, _STAR, _COMMA, _DOT, _MINUS, _PLUS = (np.int64(ord(c)) for c in "$*,.-+")
 _0, _4, _9, _A, _B, _C, _D, _E, _F, _G = (np.int64(ord(c)) for c in "049ABCDEFG")
 _H, _K, _M, _N, _P, _R, _S, _T, _U, _V, _W, _X, _Z = (np.int64(ord(c)) for c in "HKMNPRSTUVWXZ")
-_MODES = np.frombuffer(b"SMEADPFR", np.uint8)
+_MODES: Final = np.frombuffer(b"SMEADPFR", np.uint8)
 """Mode indicators of GNS, the best last; N is no position."""
-_QUALITIES = np.array([8.0, 7.0, 6.0, 1.0, 2.0, 3.0, 5.0, 4.0])
+_QUALITIES: Final = np.array([8.0, 7.0, 6.0, 1.0, 2.0, 3.0, 5.0, 4.0])
 """The quality that GGA gives each of them."""
-_FIELD_1 = np.int64(1)
-_FIELD_8 = np.int64(8)
-_ADDRESSES = np.frombuffer(b"GGARMCGSTVTGHDTZDAGNS", np.uint8).reshape(-1, 3)
-_NUMBERS = np.full((len(Kind), COLUMNS), -1)
+_FIELD_1: Final = np.int64(1)
+_FIELD_8: Final = np.int64(8)
+_ADDRESSES: Final = np.frombuffer(b"GGARMCGSTVTGHDTZDAGNS", np.uint8).reshape(-1, 3)
+_NUMBERS: Final = np.full((len(Kind), COLUMNS), -1)
 """The field of the number in each column; -1 where it is not a number, or calculated."""
 for _kind, _columns, _fields in (
     (Kind.GGA, [3, 4, 5, 6, 7, 8], [8, 10, 5, 6, 7, 12]),
@@ -213,8 +213,8 @@ for _kind, _columns, _fields in (
     (Kind.PASHR, [1, 2, 3], [1, 3, 4]),
 ):
     _NUMBERS[_kind, _columns] = _fields
-_SMALL_A = np.int64(ord("a"))
-_SMALL_F = np.int64(ord("f"))
+_SMALL_A: Final = np.int64(ord("a"))
+_SMALL_F: Final = np.int64(ord("f"))
 
 
 @kernel()

@@ -42,20 +42,20 @@ from furrowmap.core.values.pose_track import PoseTrack
 MAX_CONTENT_BYTES: Final = 16384
 """Largest content of a binary message; observations of all satellites have half of it."""
 MAX_TEXT_BYTES: Final = 32768
-_LONG_HEADER = 28
-_SHORT_HEADER = 12
-_UNICORE_HEADER = 24
-_CRC_BYTES = 4
-_SHORT = 0x13
-_UNICORE = 0xB5
+_LONG_HEADER: Final = 28
+_SHORT_HEADER: Final = 12
+_UNICORE_HEADER: Final = 24
+_CRC_BYTES: Final = 4
+_SHORT_SYNC: Final = 0x13
+_UNICORE_SYNC: Final = 0xB5
 """Third bytes of binary messages with other headers than the long one."""
 _COARSE: Final = 100
 """Time status from which the receiver knows the time to 10 ms or better."""
 _OLDEST_WEEK: Final = 520
 """Of Unicore's binary messages: their receivers count from 0 or 1 until they know the week."""
 _TIME_UNKNOWN: Final = frozenset((b"UNKNOWN", b"APPROXIMATE", b"COARSEADJUSTING"))
-_BEIDOU_WEEK = 1356
-_BEIDOU_MS = 14_000
+_BEIDOU_WEEK: Final = 1356
+_BEIDOU_MS: Final = 14_000
 """BeiDou time 0 as GPS time."""
 
 SOL_COMPUTED: Final = 0
@@ -223,14 +223,14 @@ def _text_end(data: bytes, begin: int) -> int | None:
 def _binary_end(data: bytes, begin: int) -> int | None:
     """End of a binary message, beyond the data if they end first; None if its header is invalid."""
     third = data[begin + 2]
-    least = {_SHORT: _SHORT_HEADER, _UNICORE: _UNICORE_HEADER}.get(third, _LONG_HEADER)
+    least = {_SHORT_SYNC: _SHORT_HEADER, _UNICORE_SYNC: _UNICORE_HEADER}.get(third, _LONG_HEADER)
     if begin + least > len(data):
         return len(data) + 1
-    if third == _SHORT:
+    if third == _SHORT_SYNC:
         return begin + least + data[begin + 3] + _CRC_BYTES
-    length_at = begin + (6 if third == _UNICORE else 8)
+    length_at = begin + (6 if third == _UNICORE_SYNC else 8)
     length = data[length_at] | data[length_at + 1] << 8
-    header = least if third == _UNICORE else data[begin + 3]
+    header = least if third == _UNICORE_SYNC else data[begin + 3]
     if header < least or length > MAX_CONTENT_BYTES:
         return None
     return begin + header + length + _CRC_BYTES
@@ -290,15 +290,15 @@ def _take_binary(
         return False
     number = data[begin + 4] | data[begin + 5] << 8
     third = data[begin + 2]
-    name = (UNICORE_NAMES if third == _UNICORE else NAMES).get(number, f"message {number}")
+    name = (UNICORE_NAMES if third == _UNICORE_SYNC else NAMES).get(number, f"message {number}")
     counts.kinds[name] += 1
     response = False
     beidou = False
     known = True
-    if third == _SHORT:
+    if third == _SHORT_SYNC:
         header = _SHORT_HEADER
         week, ms = struct.unpack_from("<HI", data, begin + 6)
-    elif third == _UNICORE:
+    elif third == _UNICORE_SYNC:
         header = _UNICORE_HEADER
         week, ms = struct.unpack_from("<HI", data, begin + 10)
         beidou = data[begin + 8] == 1

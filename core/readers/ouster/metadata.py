@@ -61,8 +61,8 @@ STAMP: Final = (1 << 62) - 1
 """Bits of a stamp that are used: those of the years to 2116."""
 _HEADER_BYTES: Final = 32
 """Of header and footer of a packet."""
-_MODERN_COLUMN = 12
-_LEGACY_COLUMN = 16
+_MODERN_COLUMN: Final = 12
+_LEGACY_COLUMN: Final = 16
 _LEGACY_STATUS: Final = 4
 _MAX_COLUMNS: Final = 4096
 _MAX_BYTES: Final = 1 << 20
@@ -332,8 +332,8 @@ FROM_PULSE: Final = "TIME_FROM_SYNC_PULSE_IN"
 PTP_PORT: Final = 320
 _ANNOUNCE: Final = 0x0B
 _ANNOUNCE_BYTES: Final = 64
-_OFFSET_VALID = 0x04
-_PTP_TIMESCALE = 0x08
+_OFFSET_VALID: Final = 0x04
+_PTP_TIMESCALE: Final = 0x08
 _OFFSET_AT: Final = 44
 _EPOCH_NS: Final = 946_684_800 * 10**9
 """2000-01-01: smaller stamps count from the sensor's start."""

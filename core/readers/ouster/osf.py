@@ -34,17 +34,17 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-_HEADER = b"OSF$"
-_CHUNK = b"OSF!"
-_METADATA = b"OSF#"
+_HEADER_MARK: Final = b"OSF$"
+_CHUNK_MARK: Final = b"OSF!"
+_METADATA_MARK: Final = b"OSF#"
 """Identifiers of the parts."""
 _SENSOR_ENTRY: Final = "ouster/v1/os_sensor/LidarSensor"
 _SCAN_STREAM: Final = "ouster/v1/os_sensor/LidarScanStream"
-_RANGES = (1, 2)
-_BRIGHTS = (5, 6)
+_RANGES: Final = (1, 2)
+_BRIGHTS: Final = (5, 6)
 """Numbers of the fields RANGE, RANGE2, REFLECTIVITY and REFLECTIVITY2."""
-_PNG = b"\x89PNG"
-_ZPNG = b"\xf8\xfb"
+_PNG: Final = b"\x89PNG"
+_ZPNG: Final = b"\xf8\xfb"
 _ZPNG_HEADER: Final = struct.Struct("<2sHHBB")
 _MAX_PART_BYTES: Final = 1 << 28
 _MAX_SHARED: Final = 4
@@ -164,7 +164,7 @@ class OusterOsf(OusterReader):
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain by the identifier of the header."""
-        return float(head.data[8:12] == _HEADER)
+        return float(head.data[8:12] == _HEADER_MARK)
 
     def _first_times(self) -> tuple[IntArray, FloatArray]:
         """Stamps (m,) of the packets of the first turns that have any, and the recorder's times (m,) of these.
@@ -240,7 +240,7 @@ def _part(file: BinaryIO, at: int, kind: bytes) -> bytes:
 
 def _header(file: BinaryIO, path: Path) -> tuple[int, int]:
     """Where the chunks begin, and the metadata; InputError if the header is damaged or the file was not finished."""
-    header = _part(file, 0, _HEADER)
+    header = _part(file, 0, _HEADER_MARK)
     begin = file.tell()
     if not header:
         raise _damaged(path, "its header is damaged")
@@ -258,7 +258,7 @@ def _header(file: BinaryIO, path: Path) -> tuple[int, int]:
 def _streams(path: Path) -> list[_Stream]:
     """The sensors of a file; InputError if there are none, or it is damaged."""
     with path.open("rb") as file:
-        data = _part(file, _header(file, path)[1], _METADATA)
+        data = _part(file, _header(file, path)[1], _METADATA_MARK)
     try:
         entries = [(e.number(0, "I"), e.text(1), e.vector(2, "u1").tobytes()) for e in _FlatTable.root(data).tables(4)]
         texts = {number: _FlatTable.root(content).text(0) for number, kind, content in entries if kind == _SENSOR_ENTRY}
@@ -295,7 +295,7 @@ def _chunks(file: BinaryIO, path: Path) -> Iterator[bytes]:
     while at < end:
         file.seek(at)
         step = int.from_bytes(file.read(4), "little")
-        yield _part(file, at, _CHUNK)
+        yield _part(file, at, _CHUNK_MARK)
         at += step + 8
 
 

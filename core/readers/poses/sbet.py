@@ -15,20 +15,21 @@ from furrowmap.core.runtime.memory import expect_rows
 SBET_FIELDS: Final = 17
 RECORD_BYTES: Final = 8 * SBET_FIELDS
 CHUNK_RECORDS: Final = 1 << 16
-TIME = 0
-LAT = 1
-LON = 2
-HEIGHT = 3
-ROLL = 7
-PITCH = 8
-HEADING = 9
-WANDER = 10
+TIME_FIELD: Final = 0
+LAT_FIELD: Final = 1
+LON_FIELD: Final = 2
+HEIGHT_FIELD: Final = 3
+ROLL_FIELD: Final = 7
+PITCH_FIELD: Final = 8
+HEADING_FIELD: Final = 9
+WANDER_FIELD: Final = 10
 """Indices of the fields that are read."""
 
 FIELD_RANGES: Final = {
-    TIME: (0.0, 1e10), LAT: (-np.pi / 2, np.pi / 2), LON: (-np.pi, 2 * np.pi), HEIGHT: (-1e4, 1e6),
-    ROLL: (-np.pi, np.pi), PITCH: (-np.pi / 2, np.pi / 2), HEADING: (-2 * np.pi, 4 * np.pi),
-    WANDER: (-2 * np.pi, 2 * np.pi),
+    TIME_FIELD: (0.0, 1e10), LAT_FIELD: (-np.pi / 2, np.pi / 2), LON_FIELD: (-np.pi, 2 * np.pi),
+    HEIGHT_FIELD: (-1e4, 1e6), ROLL_FIELD: (-np.pi, np.pi), PITCH_FIELD: (-np.pi / 2, np.pi / 2),
+    HEADING_FIELD: (-2 * np.pi, 4 * np.pi),
+    WANDER_FIELD: (-2 * np.pi, 2 * np.pi),
 }  # fmt: skip
 MAX_SBET_STEP_S: Final = 3600.0
 MIN_ANGLE_RAD: Final = 1e-12
@@ -55,7 +56,7 @@ class Sbet(PoseFile):
         records = _records(head.data)[:200]
         if not len(records) or not np.isfinite(records).all() or not _plausible(records).all():
             return 0.0
-        step = np.diff(records[:, TIME])
+        step = np.diff(records[:, TIME_FIELD])
         if np.any(step <= 0) or np.any(step > MAX_SBET_STEP_S):
             return 0.0
         return 0.95 if len(records) > 1 or head.suffix in (".sbet", ".out") else 0.0
@@ -71,10 +72,10 @@ class Sbet(PoseFile):
                 if bad.any():
                     at = (count + int(np.flatnonzero(bad)[0])) * RECORD_BYTES
                     raise InputError("damaged-record", path=path, at=at)
-                seconds.append(records[:, TIME].copy())
-                position = np.column_stack([np.degrees(records[:, (LON, LAT)]), records[:, HEIGHT]])
-                heading = records[:, HEADING] - records[:, WANDER]
-                attitude = np.degrees(np.column_stack([records[:, (ROLL, PITCH)], heading]))
+                seconds.append(records[:, TIME_FIELD].copy())
+                position = np.column_stack([np.degrees(records[:, (LON_FIELD, LAT_FIELD)]), records[:, HEIGHT_FIELD]])
+                heading = records[:, HEADING_FIELD] - records[:, WANDER_FIELD]
+                attitude = np.degrees(np.column_stack([records[:, (ROLL_FIELD, PITCH_FIELD)], heading]))
                 values.append(np.column_stack([position, attitude, np.full((len(records), 6), np.nan)]))
                 count += len(records)
                 expect_rows(path, source.size_bytes, count * RECORD_BYTES)
@@ -106,7 +107,7 @@ def _records(data: bytes) -> FloatArray:
 
 def _plausible(records: FloatArray) -> NDArray[np.bool_]:
     """Which records (n, 17) can be poses on or above the Earth."""
-    good = np.abs(records[:, (LAT, LON)]).max(axis=1) > MIN_ANGLE_RAD
+    good = np.abs(records[:, (LAT_FIELD, LON_FIELD)]).max(axis=1) > MIN_ANGLE_RAD
     for field, (low, high) in FIELD_RANGES.items():
         good &= (records[:, field] >= low) & (records[:, field] <= high)
     return np.asarray(good)

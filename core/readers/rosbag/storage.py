@@ -40,13 +40,13 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-MAX_RECORD_BYTES = 1 << 29
+MAX_RECORD_BYTES: Final = 1 << 29
 """Largest plausible record or chunk: a rosbag chunk has 768 KiB or a single message, one of an MCAP file a few MiB."""
 
 _MOST_NOTED: Final = 20
 """Notices of one kind about one file."""
-_READ_BYTES = 1 << 20
-_ZSTD = b"\x28\xb5\x2f\xfd"
+_READ_BYTES: Final = 1 << 20
+_ZSTD: Final = b"\x28\xb5\x2f\xfd"
 
 
 class BagMessage(NamedTuple):
@@ -272,8 +272,8 @@ ROSBAG1_MAGIC: Final = b"#ROSBAG V"
 _VERSION: Final = b"#ROSBAG V2.0\n"
 
 _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in range(2, 8))
-_U32 = struct.Struct("<I")
-_TIME = struct.Struct("<II")
+_U32: Final = struct.Struct("<I")
+_TIME: Final = struct.Struct("<II")
 
 _Fields = dict[bytes, bytes]
 
@@ -374,17 +374,17 @@ def _fields(header: bytes) -> _Fields:
 
 MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
 
-_FOOTER = 0x02
-_SCHEMA = 0x03
-_CHANNEL = 0x04
-_MCAP_MESSAGE = 0x05
-_MCAP_CHUNK = 0x06
-_STATISTICS = 0x0B
-_KNOWN = range(0x01, 0x10)
-_PRIVATE = range(0x80, 0x100)
-_RECORD = struct.Struct("<BQ")
-_MESSAGE_HEAD = struct.Struct("<HIQQ")
-_CHUNK_HEAD = struct.Struct("<QQQI")
+_MCAP_FOOTER: Final = 0x02
+_MCAP_SCHEMA: Final = 0x03
+_MCAP_CHANNEL: Final = 0x04
+_MCAP_MESSAGE: Final = 0x05
+_MCAP_CHUNK: Final = 0x06
+_MCAP_STATISTICS: Final = 0x0B
+_KNOWN: Final = range(0x01, 0x10)
+_PRIVATE: Final = range(0x80, 0x100)
+_RECORD: Final = struct.Struct("<BQ")
+_MESSAGE_HEAD: Final = struct.Struct("<HIQQ")
+_CHUNK_HEAD: Final = struct.Struct("<QQQI")
 
 
 class McapStorage(RecordStorage):
@@ -404,9 +404,9 @@ class McapStorage(RecordStorage):
             if op not in _KNOWN and op not in _PRIVATE:
                 raise Damage(f"unknown record type {op}")
             content = self._take_whole(size, may_be_cut=op == _MCAP_CHUNK)
-            if op == _FOOTER:
+            if op == _MCAP_FOOTER:
                 return
-            if op == _STATISTICS:
+            if op == _MCAP_STATISTICS:
                 self.declared = int.from_bytes(content[:8], "little")
             elif op == _MCAP_CHUNK:
                 yield from self._chunk(None, content, topics)
@@ -440,10 +440,10 @@ class McapStorage(RecordStorage):
                 self._last_ns = log_ns
                 if topics is None or topic in topics:
                     return BagMessage(topic, kind, encoding, log_ns, content[_MESSAGE_HEAD.size :])
-            elif op == _SCHEMA:
+            elif op == _MCAP_SCHEMA:
                 name, _ = _string(content, 2)
                 self._schemas[int.from_bytes(content[:2], "little")] = name
-            elif op == _CHANNEL:
+            elif op == _MCAP_CHANNEL:
                 channel, schema = struct.unpack_from("<HH", content)
                 topic, after = _string(content, 4)
                 encoding, _ = _string(content, after)

@@ -36,11 +36,11 @@ MAX_VALUES: Final = 24
 _CUT_MARK: Final = b" (cut)"
 """Makes a last line no row, and so a damaged one."""
 
-_NUMBER = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
-_BETWEEN = rb"[ \t,;]+"
-_CALENDAR = rb"\d{4}/\d\d?/\d\d?" + _BETWEEN + rb"\d\d?:\d\d?:\d\d?(?:\.\d*)?"
-_WEEK = rb"\d{1,4}" + _BETWEEN + rb"\d{1,6}(?:\.\d*)?"
-_NUMBER_ROW = rb"((?:" + _BETWEEN + _NUMBER + rb"){5,40})[ \t,;\r]*"
+_NUMBER: Final = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
+_BETWEEN: Final = rb"[ \t,;]+"
+_CALENDAR: Final = rb"\d{4}/\d\d?/\d\d?" + _BETWEEN + rb"\d\d?:\d\d?:\d\d?(?:\.\d*)?"
+_WEEK: Final = rb"\d{1,4}" + _BETWEEN + rb"\d{1,6}(?:\.\d*)?"
+_NUMBER_ROW: Final = rb"((?:" + _BETWEEN + _NUMBER + rb"){5,40})[ \t,;\r]*"
 _ROW_PATTERNS: Final = {
     6: re.compile(rb"[ \t]*" + _CALENDAR + _NUMBER_ROW),
     2: re.compile(rb"[ \t]*" + _WEEK + _NUMBER_ROW),

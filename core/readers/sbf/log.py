@@ -14,12 +14,12 @@ from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import east_north_up, geodetic, variances_enu
 from furrowmap.core.values.gnss import Fix
 
-GEODETIC = 4007
-CARTESIAN = 4006
-COV_GEODETIC = 5906
-COV_CARTESIAN = 5905
-ATTITUDE = 5938
-DOP = 4001
+GEODETIC: Final = 4007
+CARTESIAN: Final = 4006
+COV_GEODETIC: Final = 5906
+COV_CARTESIAN: Final = 5905
+ATT_EULER: Final = 5938
+DOP_BLOCK: Final = 4001
 """Numbers of the blocks that are read."""
 _STAMP: Final = {"tow": (8, "u4"), "week": (12, "u2")}
 _PVT: Final = _STAMP | {
@@ -37,8 +37,8 @@ SBF_LAYOUTS: Final = {
         48, **_STAMP, error=(15, "u1"), xx=(16, "f4"), yy=(20, "f4"), zz=(24, "f4"), xy=(32, "f4"), xz=(36, "f4"),
         yz=(44, "f4"),
     ),
-    ATTITUDE: layout(24, **_STAMP, error=(15, "u1"), mode=(16, "u2"), heading=(20, "f4")),
-    DOP: layout(24, **_STAMP, hdop=(20, "u2")),
+    ATT_EULER: layout(24, **_STAMP, error=(15, "u1"), mode=(16, "u2"), heading=(20, "f4")),
+    DOP_BLOCK: layout(24, **_STAMP, hdop=(20, "u2")),
 }  # fmt: skip
 """Fields that are read of each block, all of them in every revision (SBF reference guide, offsets from ``$``)."""
 _NO_WEEK: Final = 0xFFFF
@@ -118,12 +118,12 @@ class SbfLog(ReceiverLog):
             local = np.einsum("nij,nj->ni", east_north_up(lon, lat), velocity)
             speed = np.hypot(local[:, 0], local[:, 1])
         sigma = _sigmas(key, messages, lon, lat)
-        attitude = messages[ATTITUDE]
+        attitude = messages[ATT_EULER]
         attitude = attitude[(attitude.values["mode"] > 0) & (attitude.values["error"] == 0)]
         course = _stated(pvt.column("course"))
         satellites = pvt.values["satellites"].astype(np.int16)
         age = pvt.values["age"]
-        dop = messages[DOP]
+        dop = messages[DOP_BLOCK]
         columns = {
             "lon_deg": lon,
             "lat_deg": lat,

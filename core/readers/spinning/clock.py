@@ -49,7 +49,7 @@ _NEXT_S: Final = 0.25
 _FIRST_PLAUSIBLE_S: Final = 946_684_800.0
 """2000-01-01: a recorder with an earlier time has no clock."""
 
-_GPRMC = re.compile(
+_GPRMC: Final = re.compile(
     rb"\$G[A-Z]RMC,(\d{2})(\d{2})(\d{2}(?:\.\d*)?),([AV]),"
     rb"(?:(\d{2})(\d{2}(?:\.\d*)?))?,([NS]?),(?:(\d{3})(\d{2}(?:\.\d*)?))?,([EW]?),"
     rb"[^,]*,[^,]*,(?:(\d{2})(\d{2})(\d{2}))?[^*$]*\*([0-9A-Fa-f]{2})"

@@ -15,37 +15,37 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s, nearest_in_cycle, utc_to_gps_s
 from furrowmap.core.values.gnss import Fix
 
-PVT = 0x0107
-HPPOSLLH = 0x0114
-COV = 0x0136
-DOP = 0x0104
-STATUS = 0x0103
-TIMEGPS = 0x0120
-TIMEUTC = 0x0121
-RAWX = 0x0215
-RELPOSNED = 0x013C
+NAV_PVT: Final = 0x0107
+NAV_HPPOSLLH: Final = 0x0114
+NAV_COV: Final = 0x0136
+NAV_DOP: Final = 0x0104
+NAV_STATUS: Final = 0x0103
+NAV_TIMEGPS: Final = 0x0120
+NAV_TIMEUTC: Final = 0x0121
+RXM_RAWX: Final = 0x0215
+NAV_RELPOSNED: Final = 0x013C
 """Class and id of the messages that are read."""
 UBX_LAYOUTS: Final = {
-    PVT: layout(
+    NAV_PVT: layout(
         84, itow=(0, "u4"), year=(4, "u2"), month=(6, "u1"), day=(7, "u1"), hour=(8, "u1"), minute=(9, "u1"),
         second=(10, "u1"), valid=(11, "u1"), nano=(16, "i4"), kind=(20, "u1"), flags=(21, "u1"), satellites=(23, "u1"),
         lon=(24, "i4"), lat=(28, "i4"), height=(32, "i4"), h_acc=(40, "u4"), v_acc=(44, "u4"), speed=(60, "i4"),
         course=(64, "i4"), flags3=(78, "u2"),
     ),
-    HPPOSLLH: layout(
+    NAV_HPPOSLLH: layout(
         36, flags=(3, "u1"), itow=(4, "u4"), lon=(8, "i4"), lat=(12, "i4"), height=(16, "i4"), lon_hp=(24, "i1"),
         lat_hp=(25, "i1"), height_hp=(26, "i1"), h_acc=(28, "u4"), v_acc=(32, "u4"),
     ),
-    COV: layout(64, itow=(0, "u4"), valid=(5, "u1"), nn=(16, "f4"), ee=(28, "f4"), dd=(36, "f4")),
-    DOP: layout(18, itow=(0, "u4"), hdop=(12, "u2")),
-    STATUS: layout(16, itow=(0, "u4"), kind=(4, "u1"), flags=(5, "u1"), flags2=(7, "u1")),
-    TIMEGPS: layout(16, itow=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
-    TIMEUTC: layout(
+    NAV_COV: layout(64, itow=(0, "u4"), valid=(5, "u1"), nn=(16, "f4"), ee=(28, "f4"), dd=(36, "f4")),
+    NAV_DOP: layout(18, itow=(0, "u4"), hdop=(12, "u2")),
+    NAV_STATUS: layout(16, itow=(0, "u4"), kind=(4, "u1"), flags=(5, "u1"), flags2=(7, "u1")),
+    NAV_TIMEGPS: layout(16, itow=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
+    NAV_TIMEUTC: layout(
         20, itow=(0, "u4"), year=(12, "u2"), month=(14, "u1"), day=(15, "u1"), hour=(16, "u1"), minute=(17, "u1"),
         second=(18, "u1"), valid=(19, "u1"),
     ),
-    RAWX: layout(16, tow=(0, "f8"), week=(8, "u2")),
-    RELPOSNED: layout(64, version=(0, "u1"), itow=(4, "u4"), heading=(24, "i4"), flags=(60, "u4")),
+    RXM_RAWX: layout(16, tow=(0, "f8"), week=(8, "u2")),
+    NAV_RELPOSNED: layout(64, version=(0, "u1"), itow=(4, "u4"), heading=(24, "i4"), flags=(60, "u4")),
 }  # fmt: skip
 """Fields that are read of each message, all of them in every protocol version."""
 
@@ -54,10 +54,10 @@ AGE_S: Final = np.array([np.nan, 1, 2, 5, 10, 15, 20, 30, 45, 60, 90, 120, 120, 
 _FIXED_HEADING: Final = 0b1_0011_1101, 0b1_0011_0101
 """Mask and value of NAV-RELPOSNED's flags for a heading from a moving base with fixed ambiguities: heading and position
 valid, moving, carrier solution 2, fix within the receiver's limits."""
-_DEAD_RECKONING = 1
+_DEAD_RECKONING: Final = 1
 _2D = 2
 _3D = 3
-_COMBINED = 4
+_COMBINED: Final = 4
 _FIX_TYPES: Final = {0: "none", 1: "dead reckoning", 2: "2D", 3: "3D", 4: "GNSS and dead reckoning", 5: "time only"}
 
 
@@ -122,18 +122,21 @@ class UbxLog(ReceiverLog):
     frames_title: ClassVar[str] = "messages"
     framing: ClassVar[Framing] = UBX
     layouts: ClassVar[Mapping[int, np.dtype[np.void]]] = UBX_LAYOUTS
-    certainty: ClassVar[Mapping[int, float]] = {PVT: 0.95, HPPOSLLH: 0.85}  # the latter less than NMEA with its date
+    certainty: ClassVar[Mapping[int, float]] = {
+        NAV_PVT: 0.95,
+        NAV_HPPOSLLH: 0.85,
+    }  # the latter less than NMEA with its date
 
     @classmethod
     def _name_of(cls, kind: int) -> str:
         return UBX_NAMES.get(kind, f"{kind >> 8:02X}-{kind & 255:02X}")
 
     def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
-        pvt = messages[PVT]
-        hp = messages[HPPOSLLH]
+        pvt = messages[NAV_PVT]
+        hp = messages[NAV_HPPOSLLH]
         notices: list[Notice] = []
         base = pvt if len(pvt) else hp
-        columns = _read_pvt(pvt) if len(pvt) else _read_hpposllh(hp, messages[STATUS], notices, name)
+        columns = _read_pvt(pvt) if len(pvt) else _read_hpposllh(hp, messages[NAV_STATUS], notices, name)
         key = base.values["itow"].astype(np.int64)
         _refine(columns, key, messages, notices, name, both=len(pvt) > 0)
         count = np.bincount(pvt.values["kind"], minlength=6)
@@ -176,7 +179,7 @@ class UbxLog(ReceiverLog):
         return np.where(np.isfinite(utc_s), utc_s, gps_to_utc_s(gps_s))
 
     def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:
-        raw = RAWX in counts.kinds
+        raw = RXM_RAWX in counts.kinds
         return InputError("no-positions.no-position-messages-2", name=name, frames=frames, raw=bool(raw))
 
 
@@ -255,26 +258,26 @@ def _refine(
         found = at_equal(key, other.values["itow"].astype(np.int64), values[usable])
         columns[column] = np.where(np.isfinite(found), found, columns[column])
 
-    hp = messages[HPPOSLLH]
-    cov = messages[COV]
+    hp = messages[NAV_HPPOSLLH]
+    cov = messages[NAV_COV]
     valid = (hp.values["flags"] & 1) == 0
     # Units and their hundredths are added as integers: a float64 holds the sum exactly.
     for column, unit in (("lon_deg", 1e9), ("lat_deg", 1e9)):
         part = column[:3]
-        take(column, HPPOSLLH, (hp.column(part, 100.0) + hp.column(f"{part}_hp")) / unit, valid)
-    take("height_m", HPPOSLLH, (hp.column("height", 10.0) + hp.column("height_hp")) / 1e4, valid)
+        take(column, NAV_HPPOSLLH, (hp.column(part, 100.0) + hp.column(f"{part}_hp")) / unit, valid)
+    take("height_m", NAV_HPPOSLLH, (hp.column("height", 10.0) + hp.column("height_hp")) / 1e4, valid)
     for column in ("sigma_e_m", "sigma_n_m"):
-        take(column, HPPOSLLH, hp.column("h_acc", 1e-4) / np.sqrt(2.0), valid)
-    take("sigma_h_m", HPPOSLLH, hp.column("v_acc", 1e-4), valid)
+        take(column, NAV_HPPOSLLH, hp.column("h_acc", 1e-4) / np.sqrt(2.0), valid)
+    take("sigma_h_m", NAV_HPPOSLLH, hp.column("v_acc", 1e-4), valid)
     stated = (cov.values["valid"] == 1) & np.isfinite(cov.values["nn"]) & np.isfinite(cov.values["ee"])
     for column, field in (("sigma_e_m", "ee"), ("sigma_n_m", "nn"), ("sigma_h_m", "dd")):
-        take(column, COV, np.sqrt(np.abs(cov.column(field))), stated)
+        take(column, NAV_COV, np.sqrt(np.abs(cov.column(field))), stated)
     columns["heading_deg"] = np.full(len(key), np.nan)
-    base = messages[RELPOSNED]
+    base = messages[NAV_RELPOSNED]
     shown = (base.values["version"] >= 1) & ((base.values["flags"] & _FIXED_HEADING[0]) == _FIXED_HEADING[1])
-    take("heading_deg", RELPOSNED, base.column("heading", 1e-5) % 360.0, shown)
-    dop = messages[DOP]
-    take("hdop", DOP, dop.column("hdop", 0.01), np.ones(len(dop), bool))
+    take("heading_deg", NAV_RELPOSNED, base.column("heading", 1e-5) % 360.0, shown)
+    dop = messages[NAV_DOP]
+    take("hdop", NAV_DOP, dop.column("hdop", 0.01), np.ones(len(dop), bool))
     alone = len(hp) - int(np.isin(hp.values["itow"], key).sum())
     if both and alone:
         notices.append(Notice("positions-without-fix", name=name, alone=alone, hp=len(hp)))
@@ -291,10 +294,10 @@ def _calendar(messages: Messages, valid: int) -> FloatArray:
 
 def _find_dates(messages: Mapping[int, Messages]) -> tuple[FloatArray, NDArray[np.int64]]:
     """GPS seconds of the messages with a date, and their offsets in the stream."""
-    week = messages[TIMEGPS][(messages[TIMEGPS].values["valid"] & 0b011) == 0b011]
-    raw = messages[RAWX]
+    week = messages[NAV_TIMEGPS][(messages[NAV_TIMEGPS].values["valid"] & 0b011) == 0b011]
+    raw = messages[RXM_RAWX]
     raw = raw[np.isfinite(raw.values["tow"]) & (raw.values["week"] > 0)]
-    calendars = ((messages[PVT], 0b011), (messages[TIMEUTC], 0b111))
+    calendars = ((messages[NAV_PVT], 0b011), (messages[NAV_TIMEUTC], 0b111))
     parts = [(utc_to_gps_s(_calendar(dated, valid)), dated.at) for dated, valid in calendars]
     parts.append((week.column("week") * WEEK_S + week.column("itow", 1e-3), week.at))
     parts.append((raw.column("week") * WEEK_S + raw.column("tow"), raw.at))

@@ -18,9 +18,9 @@ from furrowmap.core.runtime.arrays import FloatArray
 
 PACKET_BYTES: Final = 1206
 """Length of a data packet's payload: 12 blocks of 100 bytes, the stamp, and two factory bytes."""
-STRONGEST = 0x37
-LAST = 0x38
-DUAL = 0x39
+STRONGEST: Final = 0x37
+LAST: Final = 0x38
+DUAL: Final = 0x39
 
 _VELODYNE_PACKET: Final = PacketLayout(
     (PACKET_BYTES,), {0: 0xFF, 1: 0xEE}, blocks=12, header=0, azimuth=2, unit=3, units=32, marked=True, mode=1204,

@@ -29,8 +29,8 @@ _COMMON: Final = "all"
 MAX_DEPTH: Final = 5
 """Texts in holes of texts in holes: a cause within a warning within a list."""
 _SENTENCE: Final = re.compile(r"(?<=[.!?]) (?=\S)")
-_ENTRY = re.compile("; ")
-_ITEM = re.compile(", ")
+_BETWEEN_ENTRIES: Final = re.compile("; ")
+_BETWEEN_ITEMS: Final = re.compile(", ")
 _TWO_WORDS: Final = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}")
 
 
@@ -140,7 +140,7 @@ def _translated(text: str, language: str, code: str, depth: int) -> str:
     sentences = _SENTENCE.split(text)
     if len(sentences) > 1:
         return _sentences(sentences, language, code, depth)
-    for mark, other in ((_ENTRY, "；"), (_ITEM, "、")):
+    for mark, other in ((_BETWEEN_ENTRIES, "；"), (_BETWEEN_ITEMS, "、")):
         if mark.search(text):
             parts = mark.split(text)
             found = [_translated(part, language, "", depth - 1) for part in parts]
@@ -187,7 +187,11 @@ def _whole(text: str, language: str, code: str, depth: int) -> str | None:
         if values is None:
             continue
         if depth and template.source.startswith(HOLE):
-            for mark, other, shown in ((_SENTENCE, "", values), (_ENTRY, "；", values), (_ITEM, "、", values[:1])):
+            for mark, other, shown in (
+                (_SENTENCE, "", values),
+                (_BETWEEN_ENTRIES, "；", values),
+                (_BETWEEN_ITEMS, "、", values[:1]),
+            ):
                 if any(mark.search(value) for value in shown):
                     # The holes took in sentences, or entries of a list: each may have a translation of its own.
                     parts = mark.split(text)

@@ -17,7 +17,7 @@ from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import Source
-from furrowmap.core.readers.ubx.log import PVT, UBX, UBX_LAYOUTS, UBX_NAMES, UbxLog
+from furrowmap.core.readers.ubx.log import NAV_PVT, UBX, UBX_LAYOUTS, UBX_NAMES, UbxLog
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
@@ -191,7 +191,7 @@ def test_two_receivers_in_one_log__are_refused(shared_data: Path, tmp_path: Path
     for at in range(0, len(data), 100):
         payload = bytearray(data[at + 6 : at + 98])
         payload[28] ^= 0x55  # another latitude
-        mixed += bytes(data[at : at + 100]) + frame(PVT, bytes(payload))
+        mixed += bytes(data[at : at + 100]) + frame(NAV_PVT, bytes(payload))
     (tmp_path / "two.ubx").write_bytes(mixed)
     with pytest.raises(InputError) as error:
         track_of(tmp_path / "two.ubx")
@@ -201,13 +201,13 @@ def test_two_receivers_in_one_log__are_refused(shared_data: Path, tmp_path: Path
 def test_time__is_the_week_where_the_calendar_is_not_vouched_for(shared_data: Path, tmp_path: Path) -> None:
     data = (shared_data / "gnss/ubx/f9p_pvt_hpposllh_1hz.ubx").read_bytes()
     frames = find_frames(np.frombuffer(data, np.uint8), UBX)
-    is_pvt = frames.kind == PVT
+    is_pvt = frames.kind == NAV_PVT
     payloads = [bytearray(data[at : at + n]) for at, n in zip(frames.at[is_pvt], frames.length[is_pvt], strict=True)]
     whole = track_of(shared_data / "gnss/ubx/f9p_pvt_hpposllh_1hz.ubx")
     for payload in payloads:
         payload[11] = 0b011  # date and time are valid, but the leap seconds not yet known
         payload[10] = (payload[10] + 2) % 60  # so that the calendar may be off
-    (tmp_path / "log.ubx").write_bytes(b"".join(frame(PVT, bytes(payload)) for payload in payloads))
+    (tmp_path / "log.ubx").write_bytes(b"".join(frame(NAV_PVT, bytes(payload)) for payload in payloads))
     assert track_of(tmp_path / "log.ubx").t_s == pytest.approx(whole.t_s, abs=6e-4)
 
 
@@ -221,7 +221,7 @@ def test_fix__goes_by_the_flags_of_the_message(shared_data: Path, tmp_path: Path
     for k, (kind, flags, _) in enumerate(expected):
         payload = bytearray(data[100 * k + 6 : 100 * k + 98])
         payload[20:22] = bytes([kind, flags])
-        log += frame(PVT, bytes(payload))
+        log += frame(NAV_PVT, bytes(payload))
     (tmp_path / "log.ubx").write_bytes(log)
     assert track_of(tmp_path / "log.ubx").fix.tolist() == [fix for *_, fix in expected if fix is not None]
 
@@ -346,7 +346,7 @@ def pvt(tow_ms: int, **fields: int) -> bytes:
               "flags3": (78, "<H")}  # fmt: skip
     for name, value in (stated | fields).items():
         struct.pack_into(places[name][1], payload, places[name][0], value)
-    return frame(PVT, bytes(payload))
+    return frame(NAV_PVT, bytes(payload))
 
 
 NOON_S = 1_781_172_000.0
