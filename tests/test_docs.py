@@ -87,7 +87,7 @@ def test_session_reference__is_a_valid_session_that_names_every_key() -> None:
 
 def test_dependencies__are_all_described() -> None:
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
-    page = (DOCS / "dependencies.md").read_text(encoding="utf-8").lower()
+    page = (DOCS / "development" / "dependencies.md").read_text(encoding="utf-8").lower()
     extras = project["project"]["optional-dependencies"].values()
     named = [*project["project"]["dependencies"], *(text for extra in extras for text in extra), "fiona"]
     groups = [text for group in project["dependency-groups"].values() for text in group if isinstance(text, str)]

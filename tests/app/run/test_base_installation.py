@@ -18,7 +18,7 @@ from furrowmap.workflows.gnss.evaluate import evaluation_table
 from tests.core.readers.small_bags import ROS1, mixed, write_bag1
 
 CHECKOUT = Path(__file__).resolve().parents[3]
-# Each is described in docs/dependencies.md, or needed by one that is. Weigh its size before one is added.
+# Each is described in docs/development/dependencies.md, or needed by one that is. Weigh its size before one is added.
 BASE = {
     *(
         "affine",
