@@ -60,8 +60,9 @@ def of_an_owner() -> Iterator[str]:
 def facts() -> Iterator[str]:
     """Addresses, versions and texts that differ from pyproject.toml."""
     yield from (f"{path.relative_to(CHECKOUT)} differs from pyproject.toml: run make pages" for path in outdated())
-    if f"## [{PROJECT['version']}]" not in (CHECKOUT / "CHANGELOG.md").read_text(encoding="utf-8"):
-        yield f"CHANGELOG.md has no version {PROJECT['version']}"
+    changes = (CHECKOUT / "CHANGELOG.md").read_text(encoding="utf-8")
+    if not re.search(rf"^## \[{re.escape(PROJECT['version'])}\] - \d{{4}}-\d\d-\d\d$", changes, re.MULTILINE):
+        yield f"CHANGELOG.md has no section of {PROJECT['version']} with its date"
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=CHECKOUT, capture_output=True, text=True, check=True).stdout
     for name in listed.split("\0"):
         path = CHECKOUT / name

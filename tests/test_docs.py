@@ -102,3 +102,32 @@ def test_index__leads_to_every_page() -> None:
     }
     linked = set(re.findall(r"\]\(([\w/.-]+\.md)\)", (docs / "index.md").read_text(encoding="utf-8")))
     assert pages <= linked
+
+
+README = CHECKOUT / "README.md"
+
+
+def test_readme__is_short_and_begins_with_a_picture_and_two_commands() -> None:
+    text = README.read_text(encoding="utf-8")
+    assert len([word for word in text.split() if re.search(r"\w", word)]) <= 350
+    assert "![" in "\n".join(text.splitlines()[:8])
+    commands = [line.partition("#")[0].strip() for block in blocks(README, "sh") for line in block.splitlines()]
+    assert commands[:2] == ["make demo", "make test"]
+    makefile = (CHECKOUT / "Makefile").read_text(encoding="utf-8")
+    assert all(re.search(rf"^{command.split()[1]}:", makefile, re.MULTILINE) for command in commands[:2])
+    assert commands[2:4] == ["python3 -m venv env", ". env/bin/activate"]
+    assert "/env/" in (CHECKOUT / ".gitignore").read_text(encoding="utf-8").split()
+
+
+def test_readme__figures_are_those_of_the_pages_that_it_names() -> None:
+    rows = re.findall(
+        r"^\| \[.+?\]\((.+?)#accuracy\), (.+?) \| (.+?) \|$", README.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert len(rows) == 3
+    for page, what, error in rows:
+        accuracy = (
+            (CHECKOUT / page).read_text(encoding="utf-8").lower().partition("## accuracy")[2].partition("\n## ")[0]
+        )
+        figures = re.findall(r"[\d.]+|nine", f"{what} {error}")
+        assert [figure for figure in figures if figure not in accuracy] == []
+        assert len(figures) >= 2

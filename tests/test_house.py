@@ -279,9 +279,11 @@ def test_modules__can_be_imported() -> None:
             import_module(module)
 
 
-def test_changelog__names_the_version() -> None:
+def test_changelog__has_a_dated_section_of_the_version_and_a_line_for_each_change() -> None:
     changelog = (CHECKOUT / "CHANGELOG.md").read_text(encoding="utf-8")
-    assert f"## [{PROJECT['project']['version']}]" in changelog
+    version = re.escape(PROJECT["project"]["version"])
+    assert re.search(rf"^## \[{version}\] - \d{{4}}-\d\d-\d\d$", changelog, re.MULTILINE)
+    assert re.findall(r"^[ \t]+\S.*", changelog, re.MULTILINE) == []
 
 
 @pytest.fixture(scope="module")

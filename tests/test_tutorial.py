@@ -1,9 +1,10 @@
-"""The tutorial and three how-to pages work as they are typed, and show what the program prints."""
+"""The README, the tutorial and three how-to pages work as they are typed, and show what the program prints."""
 
 from __future__ import annotations
 
 import gzip
 import json
+import re
 import runpy
 import shutil
 import tomllib
@@ -36,6 +37,18 @@ def own_recording(tutorial: Path, tmp_path_factory: pytest.TempPathFactory) -> P
     shutil.copyfile(tutorial / "first" / "gnss.nmea", folder / "gnss.nmea")
     assert set(type_page("how-to/run-your-own-recording.md", folder)) == {"inspect", "init", "run"}
     return folder
+
+
+def test_readme__is_typed_with_the_recording_of_the_tutorial(tutorial: Path, tmp_path: Path) -> None:
+    """Nothing is entered in the session, as by somebody in a hurry: a result all the same."""
+    (tmp_path / "recording.pcap").write_bytes(gzip.decompress((tutorial / "first" / "recording.pcap.gz").read_bytes()))
+    shutil.copyfile(tutorial / "first" / "gnss.nmea", tmp_path / "gnss.nmea")
+    assert set(type_page("../README.md", tmp_path)) == {"inspect", "init", "run"}
+    page = (CHECKOUT / "README.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"result/([\w.]+)", page))
+    files = {path.name for path in (tmp_path / "result").iterdir()}
+    assert {"report.html", "cloud.copc.laz", "dsm.tif", "field.gpkg"} == named
+    assert named <= files
 
 
 def test_own_recording__comes_to_the_result_of_the_tutorial(tutorial: Path, own_recording: Path) -> None:

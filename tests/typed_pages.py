@@ -37,7 +37,7 @@ print(json.dumps(outputs))
 
 
 def type_page(page: str, folder: Path) -> dict[str, str]:
-    """The output of each command (by its name; of Python as "python") of a page of docs, typed in a folder."""
+    """The output of each command (by its name; of Python as "python") of a page, named from docs, typed in a folder."""
     text = (DOCS / page).read_text(encoding="utf-8")
     blocks = [(block[3], block[4]) for block in _typed_blocks(text)]
     outputs, last, session = dict[str, str](), "", Path()

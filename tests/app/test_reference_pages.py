@@ -346,7 +346,7 @@ def test_pages__name_in_code_what_exists(name: str) -> None:
     root = REFERENCE.parents[1]
     parts = ("app", "cli", "core", "exporters", "plugin", "scripts")
     source = "\n".join(path.read_text(encoding="utf-8") for part in parts for path in (root / part).rglob("*.py"))
-    text = (root / f"{name}.md").read_text(encoding="utf-8").partition("## [0.1.0]")[0]
+    text = (root / f"{name}.md").read_text(encoding="utf-8")
     prose = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
-    words = set(re.findall(r"`(-{0,2}[A-Za-z][\w-]+)(?:\(\))?`", prose)) - {"base"}  # the name of what is farm now
+    words = set(re.findall(r"`(-{0,2}[A-Za-z][\w-]+)(?:\(\))?`", prose))
     assert {word for word in words if word.lstrip("-") not in source} == set()

@@ -1,4 +1,4 @@
-"""Figures that the glossary, the page on reliability and the changelog state, against those in force."""
+"""Figures that the glossary, the page on reliability and others state, against those in force."""
 
 from __future__ import annotations
 
@@ -11,15 +11,12 @@ import pytest
 from furrowmap.core.adjustment.steps import COARSE_EVERY
 from furrowmap.core.estimation.knots import KNOT_STEP_S, knots_over
 from furrowmap.core.matching.portions import windows
-from furrowmap.core.pointclouds.clouds import FAR_GAP_M
-from furrowmap.core.readers.rosbag import clouds
 from furrowmap.core.runtime import memory, settings
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.session.file import MAX_PLACE_M, parse_session
 from furrowmap.core.trajectory.positions import usable
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import IMU_CLASSES
-from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M
 from furrowmap.exporters.cloud.writer import MEMORY_POINTS
 from furrowmap.exporters.files.lease import MAX_SILENCE_S
 
@@ -113,9 +110,6 @@ def test_reliability_page__points_in_memory() -> None:
 @pytest.mark.parametrize(
     ("page", "sentence", "value"),
     [
-        ("CHANGELOG.md", "infinite, farther than {} km or apart in time", clouds.MAX_RANGE_M / 1000.0),
-        ("CHANGELOG.md", "a few points of a LAS cloud more than {} km from all others", FAR_GAP_M / 1000.0),
-        ("CHANGELOG.md", "`[implement] width_m` is at most {} m", MAX_IMPLEMENT_WIDTH_M),
         ("docs/reference/session.md", "more than {} m is an error", MAX_PLACE_M),
         ("docs/reliability.md", "if its heartbeat does not change for {} s", MAX_SILENCE_S),
     ],
@@ -127,7 +121,7 @@ def test_figure__is_that_of_the_page(page: str, sentence: str, value: float) -> 
 @pytest.mark.parametrize(
     ("page", "sentence", "constant", "value"),
     [
-        ("CHANGELOG.md", "a worker that sends nothing for half an hour is ended", "SILENT_S", 1800.0),
+        ("docs/reliability.md", "A process that sends nothing for half an hour is terminated", "SILENT_S", 1800.0),
         ("docs/reference/worker.md", "does not react within twenty seconds", "CANCEL_S", 20.0),
     ],
 )
