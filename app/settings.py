@@ -149,17 +149,16 @@ class ParcelSettings:
     """How crops are measured by parcel.
 
     Attributes:
-        net_inset_m: Width in metres of the strip between gross and net parcel off each end, and off each side [default:
-            none].
+        net_inset_m: Metres to cut off each end and off each side of the gross parcels [default: none].
         net: Net parcels with the same identifiers, instead of an inset.
         method: Method for heights and volumes: the canopy's top, unbiased by point density, or as published in 2017.
         soil: Soil below the crop: a surface through the bare soil around the parcels, a plane around each, or another
             survey: a surface or terrain model (GeoTIFF), a cloud of bare soil, or the folder of a result.
-        compare: Compute the published method beside the default one.
+        compare: Also compute the published method.
         classes: Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].
         crs: CRS of input files without one.
         dst_crs: CRS of the output, in metres [default: that of the input].
-        treatments: CSV or spreadsheet with what each parcel or treatment was given.
+        treatments: CSV or spreadsheet with what each parcel or treatment received.
         day: Day up to which doses are summed [default: that of the points].
 
     Raises:
@@ -226,8 +225,7 @@ class GrowthSettings:
 
     Attributes:
         days: Day of the flight, once for each CLOUD [default: that of its points].
-        net_inset_m: Width in metres of the strip between gross and net parcel off each end, and off each side [default:
-            none].
+        net_inset_m: Metres to cut off each end and off each side of the gross parcels [default: none].
         net: Net parcels with the same identifiers, instead of an inset.
         classes: Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].
         crs: CRS of input files without one.
@@ -247,10 +245,10 @@ class CanopySettings:
     """How a canopy is described.
 
     Attributes:
-        cell_m: Side of the square cells that figures are of.
-        polygons: Areas that figures are of, instead of cells.
+        cell_m: Describe square cells with sides of this length.
+        polygons: Describe these polygons instead of cells.
         pixel_m: Pixel of the canopy height model [default: the smallest round size with four points, up to 1 m].
-        ground_m: Returns up to this height above the ground are from the ground; in forests 2 is usual.
+        ground_m: Returns up to this height count as ground; in forests 2 is usual.
         layer_m: Height of a layer of the profile.
         ground: Ground classification method; auto uses the ground class of the input if there is one, else smrf.
         box: Keep points in this box, in the CRS of the output.
@@ -293,8 +291,8 @@ class ResponseSettings:
     """What responds to what.
 
     Attributes:
-        measure: Column of what responds [default: mean_height_m].
-        dose: Column of the dose [default: the first such as n_kg_ha].
+        measure: Column of the response [default: mean_height_m].
+        dose: Column of the dose [default: the first with a name such as n_kg_ha].
         days: Day of the flight, once for each TABLE.
     """
 
@@ -372,10 +370,10 @@ class BatchSettings:
     """How a batch is done.
 
     Attributes:
-        machine: Machine that made recordings without a session: the name of a saved one, or its profile.
-        boundaries: Fields: each recording is run once for each field that it enters, from entering to leaving.
+        machine: Machine for recordings without a session: the name of a saved one, or its profile.
+        boundaries: Boundaries of fields. Each recording runs once for each field that it enters, from entry to exit.
         workers: Number of worker processes [default: by cores and memory].
-        scheduler: Running Dask scheduler whose workers are used: tls://HOST:PORT, or tcp:// without protection.
+        scheduler: Use the workers of this Dask scheduler: tls://HOST:PORT, or tcp:// without encryption.
     """
 
     machine: str | Path | None = setting("--machine", "NAME|FILE")
@@ -389,13 +387,13 @@ class SeasonSettings:
     """Options of a season.
 
     Attributes:
-        content: What to write; can be repeated [default: all].
+        content: Products to write. May be repeated [default: all].
         crs: CRS of all products [default: that of the sessions].
         cell_m: Cell size of the mosaics [default: that of the latest surface].
-        spacing_m: Point spacing that is sufficient; 0 for all points.
+        spacing_m: Thin the points to this spacing; 0 keeps all points.
         most_rows: Maximum number of rows of a Parquet file.
         workers: Number of worker processes [default: by cores and memory].
-        scheduler: Running Dask scheduler whose workers are used: tls://HOST:PORT, or tcp:// without protection.
+        scheduler: Use the workers of this Dask scheduler: tls://HOST:PORT, or tcp:// without encryption.
     """
 
     content: Sequence[str] = setting(
@@ -414,7 +412,8 @@ class TieSettings:
     """How dates are tied.
 
     Attributes:
-        reference: Surveyed surface (GeoTIFF) or points (table, vector file, Elevation.txt) to move the dates onto.
+        reference: Move the dates onto this surveyed surface (GeoTIFF) or these points (table, vector file,
+            Elevation.txt).
         reference_sigma_m: Standard deviation of the heights of the reference.
     """
 

@@ -24,23 +24,23 @@ _MAX_NAMES: Final = 20
 
 
 @command(
-    "Run all sessions below some folders, each once.",
+    "Run all sessions in some folders.",
     "furrowmap batch season2026 -o results",
     "furrowmap batch card1 card2 -o results --machine 'Tractor 1, tiller' --boundaries fields.gpkg",
 )
 @click.argument("folders", metavar="FOLDER...", nargs=-1, required=True)
-@click.option("-o", "--output", metavar="RESULTS", required=True, help="Folder of the results; URLs are possible, too.")
+@click.option("-o", "--output", metavar="RESULTS", required=True, help="Folder of the results, or its URL.")
 @settings_options(BatchSettings)
 @overwrite("Replace products of other recordings in result folders.")
 @flag("--dry-run", "Show what would run and how long it would take; write nothing.")
 def batch(
     console: Console, folders: tuple[str, ...], output: str, settings: BatchSettings, *, overwrite: bool, dry_run: bool
 ) -> None:
-    """Run every session below each FOLDER into a folder of RESULTS of its own, and write tables of them.
+    """Run every session in each FOLDER and its subfolders, and list the results.
 
-    Sessions are files named session.toml. A session runs again only if its recordings, its settings or the version of
-    furrowmap have changed; one that fails does not stop the others. An interrupted batch continues when it is called
-    again. RESULTS/batch.csv, batch.gpkg and batch.html list all sessions.
+    Sessions are files named session.toml. Each gets a folder in RESULTS; batch.csv, batch.gpkg and batch.html list
+    them. A session runs again only if its recordings, its settings or the version of furrowmap have changed. If one
+    fails, the others run nevertheless. Call an interrupted batch again to continue it.
     """
     with console.work() as progress:
         found = furrowmap.batch(
@@ -103,10 +103,10 @@ def _duration(length_s: float) -> str:
 def season(console: Console, results: Paths, output: Path, settings: SeasonSettings, *, overwrite: bool) -> None:
     """Merge the results in RESULTS into the products of a season.
 
-    For each date, surface, change and worked ground become mosaics: Cloud Optimized GeoTIFFs, tiles of one grid.
-    Points and trajectories become GeoParquet, partitioned by date. A STAC catalogue lists all of it. RESULTS are the
-    folder of a batch, or results of runs; surfaces moved by `furrowmap tie` are used where a tie is among them. Parts
-    that have not changed are not made again.
+    For each date, surface, change and worked ground become mosaics: Cloud Optimized GeoTIFFs, tiles of one grid. Points
+    and trajectories become GeoParquet, partitioned by date. A STAC catalogue lists all products. RESULTS are folders of
+    batches and runs. If folders of `furrowmap tie` are among them, their moved surfaces are used. Unchanged parts are
+    not computed again.
     """
     with console.work(passing=True) as progress:
         made = furrowmap.season(results, output, settings, overwrite=overwrite, say=console.say, progress=progress)
@@ -124,7 +124,7 @@ def season(console: Console, results: Paths, output: Path, settings: SeasonSetti
 
 
 @command(
-    "Tie dates of one field to each other, and measure the change between them.",
+    "Align the dates of one field and measure the change between them.",
     "furrowmap tie june11 june18 june25 -o season --reference survey.tif",
 )
 @files("results", "RESULT...")
@@ -132,7 +132,7 @@ def season(console: Console, results: Paths, output: Path, settings: SeasonSetti
 @settings_options(TieSettings)
 @overwrite("Replace existing products in DIR.")
 def tie(console: Console, results: Paths, output: Path, settings: TieSettings, *, overwrite: bool) -> None:
-    """Tie RESULTs (folders of `furrowmap run`) of one field to each other by the ground that no tool touched.
+    """Align RESULTs (folders of `furrowmap run`) of one field with each other on the ground that no tool touched.
 
     Each surface is moved in place, height, tilt and heading, with standard deviations. Writes the moved surfaces
     (dsm_NN.tif), the change from each date to the next (change_NN_NN.tif), tie.gpkg, tie.html and tie.json.

@@ -48,8 +48,8 @@ class WithMount(click.Command):
     required=True,
     label="Inner corners of the chessboard",
 )
-@option("--square-m", "METRES", "Length of a square's sides.", required=True, above=0.0, label="Side of a square")
-@output("FILE", "The CSV [default: mount.csv beside FRAMES].", "Attitude of the mount")
+@option("--square-m", "METRES", "Side of a square.", required=True, above=0.0, label="Side of a square")
+@output("FILE", "CSV file to write [default: mount.csv beside FRAMES].", "Attitude of the mount")
 @option(
     "--camera", "SESSION", "Take the intrinsics from [camera] of a session file.", label="Session with the intrinsics"
 )
@@ -63,7 +63,7 @@ class WithMount(click.Command):
 @option(
     "--board-on",
     "",
-    "Where the board is; the camera is on the other.",
+    "Position of the board; the camera is on the other part.",
     default="body",
     choices=("body", "mount"),
     label="The board is on the",
@@ -71,7 +71,7 @@ class WithMount(click.Command):
 @option(
     "--begin",
     "TIME",
-    "Of a video: time of its first frame, such as 2026-05-23T09:41:12.345 (UTC, or with a zone).",
+    "Time of the first frame of a video, such as 2026-05-23T09:41:12.345 (UTC, or with a zone).",
     label="Time of a video's first frame",
 )
 @option("--every", "N", "Use every n-th frame.", default=1, minimum=1, label="Use every n-th frame")
@@ -88,8 +88,8 @@ def mount(
 ) -> None:
     """Write the attitude of a mount over time from FRAMES, images of a chessboard, for `[mount] attitude` of a session.
 
-    FRAMES is a folder of images, with a table of their files and times (CSV) or EXIF times, such a table, or a video
-    with --begin. The attitude is zero in the first frame that shows the board.
+    FRAMES is a folder of images with EXIF times or with a table of files and times (CSV), such a table, or a video with
+    --begin. The attitude is zero in the first frame that shows the board.
     """
     with console.work() as progress:
         found = furrowmap.calibrate_mount(
@@ -134,7 +134,7 @@ def _board_angles(text: str) -> tuple[float, float, float]:
 @click.argument("session", type=FILE)
 @flag(
     "--write",
-    "Write the estimates into SESSION; its other lines are kept.",
+    "Write the estimates into SESSION; its other lines do not change.",
     label="Write the estimates into the session file",
 )
 @option(

@@ -32,7 +32,7 @@ def surface(console: Console, clouds: Paths, output: Path, settings: SurfaceSett
     """Compute surfaces of CLOUDs (LAS, LAZ, COPC, PCD, PLY or E57 from any software) together on one grid.
 
     Writes dsm.tif (all points), dtm.tif (ground), height_above_ground.tif, hillshade.tif, slope.tif, roughness.tif,
-    low_spots.tif, low_spots.gpkg and surfaces.json. False statements in a file header are reported as warnings.
+    low_spots.tif, low_spots.gpkg and surfaces.json. Errors in file headers are reported as warnings.
     """
     with console.work() as progress:
         account = furrowmap.surface(clouds, output, settings, overwrite=overwrite, progress=progress, warn=console.warn)
@@ -54,7 +54,7 @@ def cloud(
     """Merge CLOUDs (LAS, LAZ, COPC, PCD, PLY or E57 from any software) into one COPC.
 
     Coordinates, time, intensity, returns, class, source and colour of the points are kept. Order of the steps: box and
-    classes, every N-th point, outliers, ground, voxels. False statements in a file header are reported as warnings.
+    classes, every N-th point, outliers, ground, voxels. Errors in file headers are reported as warnings.
     """
     settings = replace(settings, cleaning=cleaning)
     with console.work() as progress:

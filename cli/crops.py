@@ -37,7 +37,7 @@ from furrowmap.settings import CanopySettings, GrowthSettings, ParcelSettings, R
     label="End of the first row",
 )
 @option("--end-crs", "CRS", "CRS of --end, if it differs.")
-@option("--azimuth", "DEGREES", "Instead of --end: direction of the base line from north.")
+@option("--azimuth", "DEGREES", "Direction of the base line, clockwise from north; instead of --end.")
 @settings_options(PlotGrid, "grid")
 @overwrite("Replace an existing FILE.")
 def plots(
@@ -55,8 +55,8 @@ def plots(
 ) -> None:
     """Lay out the plots of a trial as a grid of rectangles with identifiers and blocks.
 
-    The base line begins at --corner and runs along the first row of plots. Plots follow each other along it in columns,
-    and beside each other in rows.
+    The base line begins at --corner and runs along the first row of plots. Columns are counted along it, rows away from
+    it.
     """
     found = furrowmap.plots(
         grid,
@@ -132,10 +132,10 @@ GROWTH_COLUMNS: Final = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma
 def growth(
     console: Console, clouds: Paths, parcels_file: Path, output: Path, settings: GrowthSettings, *, overwrite: bool
 ) -> None:
-    """Measure what the crop on each parcel of PARCELS grew between CLOUDs (LAS, LAZ or COPC) of several days.
+    """Measure how much the crop on each parcel of PARCELS grew between CLOUDs (LAS, LAZ or COPC) of several days.
 
-    Bare soil that the flights have in common aligns them in height. Writes growth.gpkg (a layer coloured by growth),
-    growth.csv, growth.xlsx and growth.json.
+    The command aligns the flights in height on the bare soil that all of them contain. Writes growth.gpkg (a layer
+    coloured by growth), growth.csv, growth.xlsx and growth.json.
     """
     with console.work() as progress:
         account = furrowmap.growth(
@@ -179,7 +179,7 @@ def canopy(console: Console, clouds: Paths, output: Path, settings: CanopySettin
 )
 @files("tables", "TABLE...")
 @output("DIR", "Output folder.", "Output folder", required=True)
-@option("--treatments", "FILE", "CSV or spreadsheet with what each parcel or treatment was given.")
+@option("--treatments", "FILE", "CSV or spreadsheet with what each parcel or treatment received.")
 @settings_options(ResponseSettings)
 @overwrite("Replace an earlier result in DIR.")
 def response(

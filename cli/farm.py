@@ -64,7 +64,7 @@ def add(console: Console, folders: Paths, target: str, **options: Any) -> None:
     """Add the results of `furrowmap run` in each DIR to MAP, a GeoPackage or a PostGIS database.
 
     A DIR may also be a GeoPackage that `furrowmap fields` wrote: each task in it becomes a session. MAP is created if
-    it does not exist. A session that it already holds is replaced. Either all DIRs are added or none; an interruption
+    it does not exist. Results replace those of the same session. Either all DIRs are added or none; an interruption
     leaves MAP unchanged.
     """
     options["zone"] = _zone(options["zone"])
@@ -159,7 +159,7 @@ def fields(console: Console, target: str, *, schema: str) -> None:
 @overwrite("Replace an existing FILE.")
 @_schema
 def history(console: Console, target: str, field: str, output: Path | None, **options: Any) -> None:
-    """Show all sessions of a FIELD in MAP, given by its name or identifier, the last one first."""
+    """Show all sessions of a FIELD in MAP, given by its name or identifier, newest first."""
     with console.work(passing=True) as progress:
         found = furrowmap.field_history(target, field, out=output, **options, progress=progress)
     rows = (
@@ -178,7 +178,9 @@ def history(console: Console, target: str, field: str, output: Path | None, **op
 @click.argument("target", metavar="MAP")
 @output("FILE", "Output raster (.tif).", "Traffic", required=True)
 @settings_options(TrafficSettings)
-@option("--track-width", "METRES", "Distance between the middles of the rear tyres; needed to count wheels.", above=0)
+@option(
+    "--track-width", "METRES", "Distance between the centres of the rear tyres; needed to count wheel passes.", above=0
+)
 @option("--tyre-width", "METRES", "Width of a rear tyre.", above=0)
 @overwrite("Replace an existing FILE.")
 @_schema
@@ -194,8 +196,8 @@ def traffic(
 ) -> None:
     """Write how often each spot of MAP was worked, when last, and how often rear wheels passed it.
 
-    The raster is a Cloud Optimized GeoTIFF of whole numbers. Wheels are counted where both --track-width and
-    --tyre-width are given.
+    The raster is a Cloud Optimized GeoTIFF of whole numbers. To count wheel passes, state --track-width and
+    --tyre-width.
     """
     if (track_width is None) != (tyre_width is None):
         raise UsageError("usage.traffic")

@@ -41,8 +41,8 @@ _FIELD_COLUMNS: Final = (
 def fields(console: Console, taskdata: Path, output: Path | None, **options: Any) -> None:
     """Compute the worked ground from a machine's own log. TASKDATA is an ISO 11783-10 folder or a ZIP archive of it.
 
-    No scanner is needed: the time logs hold position, working state and width. "length × width" is what the machine's
-    area counter should show; it counts ground worked twice twice.
+    No scanner is needed: the time logs hold position, working state and width. Compare the machine's area counter with
+    "length × width": neither subtracts overlap.
     """
     with console.work() as progress:
         found = furrowmap.fields(taskdata, output, **options, progress=progress)

@@ -49,7 +49,7 @@ def gnss() -> None:
 @option(
     "--reference",
     "FILE|LAT,LON,HEIGHT",
-    "Another log of the same drive, a trajectory, or the place of a static antenna.",
+    "Another log of the same drive, a trajectory, or the position of a static antenna.",
     required=True,
 )
 @output(
@@ -110,7 +110,7 @@ def evaluate(
 @click.argument("rover", type=FILE)
 @click.argument("base", type=FILE)
 @files("nav", "NAV...")
-@output("FILE", "The .pos file [default: name of ROVER with .pos].", "Positions")
+@output("FILE", "File to write [default: name of ROVER with .pos].", "Positions")
 @settings_options(SolveSettings)
 @overwrite("Replace an existing solution.")
 def solve(
@@ -125,7 +125,8 @@ def solve(
 ) -> None:
     """Compute the positions of ROVER relative to BASE, with the ephemerides of NAV: RINEX files.
 
-    RTKLIB's program rnx2rtkp does it (Debian: rtklib). A session names the result under [recording] gnss.
+    This needs RTKLIB's program rnx2rtkp (Debian: rtklib). To use the result, name it in a session under [recording]
+    gnss.
     """
     with console.work(passing=True) as progress:
         found = furrowmap.solve_gnss(rover, base, nav, output, settings, overwrite=overwrite, progress=progress)

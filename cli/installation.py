@@ -20,7 +20,7 @@ from furrowmap.core.runtime.settings import language_of_user
 @command("Explain the code of an error or a warning.", "furrowmap explain clock-offset")
 @click.argument("code")
 def explain(console: Console, code: str) -> None:
-    """Print the messages that have CODE, and what to do about them. … stands for what varies, such as file names."""
+    """Print the messages that have CODE, and what to do about them. … stands for values such as file names."""
     keys = [key for key in templates(ENGLISH) if key.partition(".")[0] == code]
     if not keys:
         codes = sorted({key.partition(".")[0] for key in templates(ENGLISH)})
@@ -40,12 +40,12 @@ def _messages(key: str, language: str) -> dict[str, str]:
     }
 
 
-@command("Compile the kernels of all commands for this machine, ahead.", "furrowmap warm-up run", name="warm-up")
+@command("Compile the kernels of all commands in advance.", "furrowmap warm-up run", name="warm-up")
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 def warm_up(console: Console, commands: tuple[str, ...]) -> None:
-    """Compile kernels for this machine and keep them in the user's cache: those of COMMANDs, or of all commands.
+    """Compile the kernels of COMMANDs, or of all commands, and keep them in the user's cache.
 
-    Each command compiles by itself what is missing, which takes up to a minute; after this it compiles nothing.
+    Otherwise the first run of each command compiles its own, which takes up to a minute.
     """
     from furrowmap.warm_up import warm_up as compile_kernels
 

@@ -20,17 +20,16 @@ from furrowmap.core.runtime.errors import UsageError
     "Watch a session while it is recorded.",
     "furrowmap live field-recording",
     "furrowmap live --from session.toml --speed 4",
+    json_help="Print each scan as a line of JSON to standard output, and the summary at the end.",
 )
 @click.argument("folder", type=FILE, required=False)
-@option("--from", "SESSION", "Play the recording of SESSION as it came in, instead of following a folder.", "played")
-@option("--speed", "N", "Play N times as fast as it was recorded [default: 1; 0: as fast as possible].")
+@option("--from", "SESSION", "Play back the recording of SESSION instead of following a folder.", "played")
+@option("--speed", "N", "Play N times as fast as recorded [default: 1; 0: as fast as possible].")
 @option("--port", "N", "Port of the page in the local network [default: 8080; 0: no page].")
-@option("--nmea-port", "N", "TCP port at which GGA, VTG and HDT are sent [default: 10110; 0: none].")
-@option("--mqtt", "URL", "Broker that messages are sent to: mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], or mqtts://.")
-@option("--map", "FILE", "Background of the page: raster tiles in a PMTiles or MBTiles file.", "background")
-@option(
-    "--host", "NAME", "Further name under which this computer is asked for the page. May be repeated.", multiple=True
-)
+@option("--nmea-port", "N", "TCP port that sends GGA, VTG and HDT [default: 10110; 0: none].")
+@option("--mqtt", "URL", "Send messages to this broker: mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], or mqtts://.")
+@option("--map", "FILE", "Background map of the page: raster tiles in a PMTiles or MBTiles file.", "background")
+@option("--host", "NAME", "Another host name of this computer that browsers may use. May be repeated.", multiple=True)
 @flag("--local", "Serve on this computer only, not in the local network.")
 def live(
     console: Console,
@@ -45,9 +44,9 @@ def live(
     *,
     local: bool,
 ) -> None:
-    """Show on a page where the vehicle is, what the tool does and which ground is worked, while FOLDER is recorded.
+    """Show vehicle, tool and worked ground on a web page while FOLDER is recorded.
 
-    FOLDER is what furrowmap record writes; only live.jsonl is written into it. With --json each scan is a line of JSON.
+    FOLDER is the output of furrowmap record. The command adds only live.jsonl to it.
     """
     if folder is not None and played is not None:
         raise UsageError("usage.live-source")

@@ -71,8 +71,17 @@ class CommandGroup(click.Group):
         )
 
 
-def command(summary: str, *examples: str, group: Any = click, **facts: Any) -> Callable[[Command], click.Command]:
-    """A command, which gets a Console first, with the options that all have; the help begins with the summary."""
+def command(
+    summary: str,
+    *examples: str,
+    group: Any = click,
+    json_help: str = "Print the result as JSON to standard output.",
+    **facts: Any,
+) -> Callable[[Command], click.Command]:
+    """A command, which gets a Console first, with the options that all have; the help begins with the summary.
+
+    `json_help` is the help of --json.
+    """
 
     def decorate(function: Command) -> click.Command:
         @wraps(function)
@@ -102,7 +111,7 @@ def command(summary: str, *examples: str, group: Any = click, **facts: Any) -> C
                     console.warn_all([elsewhere] if elsewhere is not None else [])
 
         own = called.__dict__.pop("__click_params__", [])  # in reverse
-        for common in reversed(_common_options()):
+        for common in reversed(_common_options(json_help)):
             common(called)
         called.__dict__["__click_params__"] += own
         epilog = _epilog(examples)
@@ -122,18 +131,18 @@ def _epilog(examples: Sequence[str]) -> str:
     return "\b\nExample:\n" + "\n".join(f"  {line}" for example in examples for line in example.splitlines())
 
 
-def _common_options() -> Sequence[Decorator]:
+def _common_options(json_help: str) -> Sequence[Decorator]:
     threads = "Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8]."
     language = "Language of errors, warnings and reports [default: FURROWMAP_LANG, else en]."
     return (
-        flag("--json", "Print the result as JSON to standard output.", "as_json"),
+        flag("--json", json_help, "as_json"),
         click.option("-q", "--quiet", is_flag=True, help="Show only warnings and errors, and no progress bar."),
         click.option("-v", "--verbose", count=True, help="Log every step to standard error; -vv includes libraries."),
         option("--log-file", "FILE", "Append a log with timestamps to this file."),
         option("--threads", "N", threads, minimum=1),
         option("--lang", "", language, "language", choices=LANGUAGES),
-        flag("--allow-large", "Unpack files however large their content is."),
-        flag("--allow-damaged", "Use clouds without the parts that are damaged."),
+        flag("--allow-large", "Unpack files of any size."),
+        flag("--allow-damaged", "Read the undamaged parts of damaged clouds."),
         flag("--debug", "Print a traceback on error."),
     )
 

@@ -36,8 +36,10 @@ VIEWER_ENDS_S: Final = 2.0
     "furrowmap record -o monday --gnss /dev/ttyACM0:115200",
     "furrowmap record -o monday --gnss tcp://192.168.1.30:5017 --ports 2368,8308",
 )
-@output("DIR", "Folder of the recording; one that holds a recording is continued.", "Folder", required=True)
-@option("--machine", "NAME|FILE", "Machine whose places go into the session, and whose ports and receivers are used.")
+@output("DIR", "Folder of the recording. If it contains a recording, that is continued.", "Folder", required=True)
+@option(
+    "--machine", "NAME|FILE", "Machine to record: its ports and receivers, and its sensor positions for the session."
+)
 @option(
     "--gnss",
     "SOURCE",
@@ -49,13 +51,13 @@ VIEWER_ENDS_S: Final = 2.0
     "--ports",
     "PORT,...",
     "UDP ports of a scanner [default: those of the machine, else the usual ones of Velodyne, Hesai, Ouster and "
-    "Livox]. Repeat it for several scanners of one address.",
+    "Livox]. Repeat it for each scanner at the same address.",
     multiple=True,
 )
-@option("--roll-minutes", "N", "Begin the next capture after this many minutes.", default=15, minimum=1)
-@option("--roll-megabytes", "N", "Begin the next file after this many megabytes.", default=1024, minimum=1)
-@flag("--live", "Show the page of furrowmap live as well, in a process of its own.")
-@option("--duration", "SECONDS", "End after this time [default: on Ctrl-C or SIGTERM].", above=0.0)
+@option("--roll-minutes", "N", "Start a new capture every N minutes.", default=15, minimum=1)
+@option("--roll-megabytes", "N", "Start a new file every N megabytes.", default=1024, minimum=1)
+@flag("--live", "Also serve the page of furrowmap live, in a separate process.")
+@option("--duration", "SECONDS", "Stop after this time [default: at Ctrl-C or SIGTERM].", above=0.0)
 def record(
     console: Console,
     output: Path,
@@ -71,8 +73,8 @@ def record(
     """Record the UDP packets of scanners and the bytes of GNSS receivers until Ctrl-C.
 
     Writes captures (PCAP), GNSS logs as received, and a session file for `furrowmap run DIR`. A power cut loses at most
-    a second. What is wrong is shown, and written to record.log and status.json. The exit status is 1 if packets are
-    known to be lost, or a part of the recorder had to be started again.
+    a second. Problems appear on the screen, in record.log and in status.json. The exit status is 1 if packets were lost
+    or a part of the recorder restarted.
     """
     shown_s, language = -STATUS_SHOWN_S, language_of_user()
 

@@ -24,8 +24,7 @@ from furrowmap.core.runtime.file_names import resolved
 )
 @flag(
     "--resume",
-    "Continue a run into DIR that was killed or lost power: its scan matching is used again if session and "
-    "recordings are unchanged.",
+    "Continue an interrupted run into DIR. Its scan matching is reused if session and recordings have not changed.",
 )
 @flag(
     "--preview",
@@ -33,11 +32,11 @@ from furrowmap.core.runtime.file_names import resolved
     "implement detection. Replaces an earlier preview, never the products of a run.",
     label="Preview only",
 )
-@flag("--strict", "Exit status 4 if the results contradict each other; they are written all the same.")
+@flag("--strict", "Exit with status 4 if the results contradict each other. They are written nevertheless.")
 @option(
     "--within",
     "POLYGONS",
-    "Map the ground in these polygons alone: a vector file, or task data; instead of [field] within.",
+    "Map only the ground in these polygons: a vector file or task data. Overrides [field] within.",
     label="Within polygons",
 )
 def run(

@@ -21,17 +21,18 @@ if TYPE_CHECKING:
 @command("Write a session file for a recording.", "furrowmap init recording.pcap.gz gnss.nmea")
 @files("recordings", "RECORDING...")
 @output("FILE", "Session file to write [default: session.toml beside RECORDING].", "Session file")
-@option("--machine", "NAME|FILE", "Machine whose sensors' places are copied: the name of a saved one, or its profile.")
+@option("--machine", "NAME|FILE", "Copy the sensor positions of this machine: the name of a saved one, or its profile.")
 @overwrite("Replace an existing session file.")
 def init(
     console: Console, recordings: tuple[Path, ...], output: Path | None, machine: str | None, *, overwrite: bool
 ) -> None:
     """Examine each RECORDING (LiDAR, GNSS, IMU, trajectory) and write a commented session file.
 
-    A table of images, the parcels of a trial and their treatments may be among them, and are found beside them.
+    RECORDINGs may include a table of images, the parcels of a trial and their treatments. The command also looks for
+    these in the folder of the recordings.
 
-    What the recordings do not show, such as the mounting of the sensors, is listed, and left in the file as comments to
-    fill in.
+    It lists what the recordings do not contain, such as the mounting of the sensors. Enter these values where the file
+    has comments for them.
     """
     with console.work(passing=True) as progress:
         proposal = furrowmap.propose_session(
@@ -52,10 +53,9 @@ def init(
 @command("Describe files: format, content, clocks, damage.", "furrowmap inspect recording.pcap.gz gnss.nmea")
 @files("files", "FILE...")
 def inspect(console: Console, files: tuple[Path, ...]) -> None:
-    """Describe each FILE: format, sensor model, time span, clocks, GNSS fixes, damage; and how several overlap in time.
+    """Describe each FILE: format, sensor model, time span, clocks, GNSS fixes, damage, and overlap in time.
 
-    A file that cannot be read is reported on standard error; the others are still described, and the exit status is
-    3.
+    Unreadable files are reported on standard error, the others are still described. The exit status is then 3.
     """
     examined: list[Examined] = []
     answers: list[dict[str, Any]] = []
@@ -118,7 +118,10 @@ def _inspection_words(inspection: Inspection) -> str:
     return f"{printable(str(inspection.path))}: {printable(inspection.title)}\n{table(rows)}"
 
 
-@group("Places of sensors and tool, saved once a machine.", "furrowmap machine save session.toml 'Tractor 1, tiller'")
+@group(
+    "Save the positions of sensors and tool, once per machine.",
+    "furrowmap machine save session.toml 'Tractor 1, tiller'",
+)
 def machine() -> None:
     """Profiles of machines: where antenna, scanner, IMU, camera and tool sit, for `furrowmap init --machine`."""
 
@@ -133,7 +136,7 @@ def machine() -> None:
 @click.argument("name", metavar="NAME|FILE")
 @overwrite("Replace an existing profile.")
 def save(console: Console, session: Path, name: str, *, overwrite: bool) -> None:
-    """Save what SESSION states of its machine under NAME, or as FILE to pass on (it ends with .toml)."""
+    """Save the machine of SESSION under NAME, or as a FILE (.toml) to pass on."""
     saved = furrowmap.save_machine(session, name, overwrite=overwrite)
     console.answer({"name": saved.name, "machine": saved.path}, f"Wrote {printable(str(saved.path))}")
 

@@ -29,7 +29,7 @@ def share(console: Console, result: Path, output: Path | None, *, qfield: bool, 
 
     The web page has the map with its layers, the figures, the point cloud in three dimensions, and measures distances
     and areas. Open index.html from disk, or put the folder on any web server; it needs no network. With --qfield, copy
-    the folder to a phone and open field.qgs in QField; --lang is its language. A page has English and Japanese.
+    the folder to a phone and open field.qgs in QField; --lang is its language. The web page has English and Japanese.
     """
     with console.work() as progress:
         done = furrowmap.share(result, output, qfield=qfield, overwrite=overwrite, progress=progress)
@@ -51,7 +51,9 @@ FORMAT_CHOICES: Final = (
 @files("results", "DIR...")
 @option("--to", "", "Output format.", default="gpkg", choices=FORMAT_CHOICES, label="Format")
 @output("TARGET", "Output file or folder [default: DIR_FORMAT beside DIR].", "Output file or folder")
-@option("--layer", "NAME", "Only this layer of field.gpkg. Repeatable.", "layers", multiple=True, label="Layers")
+@option(
+    "--layer", "NAME", "Export only this layer of field.gpkg. May be repeated.", "layers", multiple=True, label="Layers"
+)
 @option(
     "--dst-crs",
     "CRS",
@@ -65,8 +67,8 @@ def export(console: Console, results: tuple[Path, ...], to: str, output: Path | 
 
     Formats with one layer per file write a folder. isoxml writes ISO 11783-10 task data for farm software and
     terminals, as a folder or, if TARGET ends in .zip, a ZIP archive. stac takes several DIRs and writes a catalogue of
-    them. GeoJSON and KML are always in WGS 84. sbet, tum and poses (CSV) are the trajectory alone, for other software.
-    glb is the surface with its orthophoto as a textured mesh, for 3D viewers.
+    them. GeoJSON and KML are always in WGS 84. sbet, tum and poses (CSV) contain only the trajectory, for other
+    software. glb is the surface with its orthophoto as a textured mesh, for 3D viewers.
     """
     with console.work() as progress:
         done = furrowmap.export(results, to, output, **options, progress=progress)
@@ -86,14 +88,14 @@ def export(console: Console, results: tuple[Path, ...], to: str, output: Path | 
 @option(
     "--units",
     "",
-    "Unit of areas; 10a: areas in ares, work rates per 10 a [default: as the report has it].",
+    "Unit of areas; 10a: areas in ares, work rates per 10 a [default: that of the report].",
     choices=("ha", "10a", "acre"),
 )
-@flag("--pdf", "Write a PDF for printing, by an installed Chromium, Chrome or Edge.")
+@flag("--pdf", "Write a PDF with an installed Chromium, Chrome or Edge.")
 def report(console: Console, result: Path, output: Path | None, units: str | None, *, pdf: bool) -> None:
     """Write the report page of the result in DIR again, with --lang in another language, or print it to a PDF.
 
-    Without -o, the page replaces report.html. No figures are computed again.
+    Without -o, the page replaces report.html. The figures do not change.
     """
     written = furrowmap.write_report_page(result, output, area_unit=units, pdf=pdf)
     console.answer({"output": written}, printable(str(written)))

@@ -53,7 +53,7 @@ Send = Callable[..., None]
 
 
 @click.command(
-    short_help="Run a command for another program, over lines of JSON.",
+    short_help="Run a command for another program that speaks JSON.",
     epilog="\b\nExample:\n  furrowmap worker < pipe\nFirst line of the input:\n"
     '  {"type": "start", "arguments": ["run", "session.toml"]}',
 )

@@ -13,19 +13,19 @@ class PlotGrid:
     Columns follow each other along the base line, rows beside it. A plot's length is along the base line.
 
     Attributes:
-        rows: Plots beside each other.
-        columns: Plots along the base line.
-        length_m: Length of a plot along the base line [default: what the two corners leave].
+        rows: Number of plots across the base line.
+        columns: Number of plots along the base line.
+        length_m: Length of a plot along the base line [default: from the two corners].
         width_m: Width of a plot across the base line.
-        alley_m: Between columns.
-        path_m: Between rows.
+        alley_m: Distance between columns.
+        path_m: Distance between rows.
         side: Side of the base line on which the rows lie, looking along it.
         along: Whether numbers run along rows (from column to column) or along columns.
-        serpentine: Whether every second run of numbers goes back.
-        first: First number.
+        serpentine: serpentine: every second row or column is numbered backwards.
+        first: Number of the first plot.
         block: Whether rows or columns are blocks (replicates).
-        block_size: Of a block.
-        by_block: Number the plots of each block anew: 101, 102, … 201.
+        block_size: Number of rows or columns in a block.
+        by_block: Restart the numbers in each block: 101, 102, … 201.
     """
 
     rows: int = setting("--rows", "N", default=MISSING, required=True, minimum=1)

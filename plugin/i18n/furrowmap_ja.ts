@@ -8,27 +8,26 @@
   <message><source>A project for QField instead of a web page</source><translation>ウェブページの代わりに QField 用プロジェクト</translation></message>
   <message><source>A surface or terrain model (GeoTIFF), or a cloud of bare soil.</source><translation>地表モデルまたは地形モデル（GeoTIFF）、または裸地の点群。</translation></message>
   <message><source>A surface through the bare soil around the parcels (default), or a plane around each.</source><translation>区画の周囲の裸地を通る曲面（既定）、または区画ごとの平面。</translation></message>
-  <message><source>A table of the images and their times (CSV: file, time_unix_s), or one of the images: it stands for all in its folder, with their times in EXIF data.</source><translation>画像とその時刻の表（CSV：file、time_unix_s）、または画像の一つ。画像を選ぶと同じフォルダの全画像を意味し、時刻は EXIF から読みます。</translation></message>
+  <message><source>A table of the images and their times (CSV: file, time_unix_s), or one of the images, to use all in its folder with their EXIF times.</source><translation>画像とその時刻の表（CSV：file、time_unix_s）、または画像の一つ。画像を選ぶと同じフォルダの全画像を意味し、時刻は EXIF から読みます。</translation></message>
   <message><source>Accuracy</source><translation>精度</translation></message>
   <message><source>Add results to the farm map</source><translation>実行結果を農場マップに追加</translation></message>
   <message><source>Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is changed.</source><translation>実行結果を農場マップ（GeoPackage または PostGIS データベース）に追加します。農場マップがなければ作成します。すでに含まれているセッションは新しい結果で置き換えます。一つでも失敗した場合は何も変更しません。</translation></message>
   <message><source>Adds them to the project when the algorithm has finished.</source><translation>アルゴリズムの終了後にプロジェクトへ追加します。</translation></message>
+  <message><source>Aligns the results of one field with each other on the ground that no tool touched in between, in height, tilt and place, and measures the soil moved from each date to the next, with standard deviations.</source><translation>一つの圃場の結果を、その間に作業機が触れていない地面によって、高さ、傾き、位置で互いに合わせ、各日付から次の日付までに動いた土の量を標準偏差とともに求めます。</translation></message>
   <message><source>Alley</source><translation>通路（列の間）</translation></message>
   <message><source>Allow damaged</source><translation>破損したファイルを許可</translation></message>
   <message><source>Allow large</source><translation>大きなファイルを許可</translation></message>
+  <message><source>Also compute the published method.</source><translation>公表された方法も既定の方法とあわせて計算します。</translation></message>
   <message><source>Analyse the response of a trial</source><translation>試験の応答を解析</translation></message>
   <message><source>Angles of the board's axes in the vehicle frame, in degrees, in the first frame.</source><translation>最初の画像における、車両座標系での板の軸の角度（度）。</translation></message>
   <message><source>Another log of the same drive, or a trajectory.</source><translation>同じ走行の別のログ、または軌跡。</translation></message>
   <message><source>Antenna offset (m)</source><translation>アンテナのオフセット（m）</translation></message>
-  <message><source>Areas that figures are of, instead of cells.</source><translation>セルの代わりに、値を求める領域。</translation></message>
   <message><source>Attitude of a mount from images of a chessboard</source><translation>チェスボードの画像から取付部の姿勢を求める</translation></message>
   <message><source>Attitude of the mount</source><translation>取付部の姿勢</translation></message>
   <message><source>Average overlapping sessions instead of using the latest.</source><translation>重なる部分に最新のセッションではなく平均を使います。</translation></message>
   <message><source>Azimuth</source><translation>方位角</translation></message>
   <message><source>Base station (RINEX)</source><translation>基準局（RINEX）</translation></message>
-  <message><source>Between columns.</source><translation>列と列の間隔。</translation></message>
-  <message><source>Between rows.</source><translation>行と行の間隔。</translation></message>
-  <message><source>Between the middles of the rear tyres, in metres.</source><translation>後輪タイヤの中心間の距離（m）。</translation></message>
+  <message><source>Between the centres of the rear tyres, in metres.</source><translation>後輪タイヤの中心間の距離（m）。</translation></message>
   <message><source>Blocks</source><translation>ブロック</translation></message>
   <message><source>By default all layers.</source><translation>省略時はすべてのレイヤ。</translation></message>
   <message><source>By default beside the results. Formats with one layer per file need a folder.</source><translation>省略時は実行結果と同じ場所。1 ファイルに 1 レイヤの形式ではフォルダを指定します。</translation></message>
@@ -51,7 +50,7 @@
   <message><source>CRS of the vector layers, such as EPSG:4326 [default: the session's].</source><translation>ベクタレイヤの CRS（例：EPSG:4326）。省略時はセッションの CRS。</translation></message>
   <message><source>CRS of the vectors</source><translation>ベクタの CRS</translation></message>
   <message><source>CSV or GeoPackage.</source><translation>CSV または GeoPackage。</translation></message>
-  <message><source>CSV or spreadsheet with what each parcel or treatment was given.</source><translation>各区画または各処理に何を与えたかを示す CSV または表計算ファイル。</translation></message>
+  <message><source>CSV or spreadsheet with what each parcel or treatment received.</source><translation>各区画または各処理に何を与えたかを示す CSV または表計算ファイル。</translation></message>
   <message><source>Calibrate the mounting</source><translation>取り付けのキャリブレーション</translation></message>
   <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
   <message><source>Canopy</source><translation>樹冠・群落</translation></message>
@@ -75,26 +74,26 @@
   <message><source>Colour a point cloud by images</source><translation>画像で点群に色を付ける</translation></message>
   <message><source>Coloured point cloud</source><translation>色付き点群</translation></message>
   <message><source>Column of the dose</source><translation>施用量の列</translation></message>
-  <message><source>Column of the dose [default: the first such as n_kg_ha].</source><translation>施用量の列。省略時は n_kg_ha のような最初の列。</translation></message>
+  <message><source>Column of the dose [default: the first with a name such as n_kg_ha].</source><translation>施用量の列。省略時は n_kg_ha のような最初の列。</translation></message>
   <message><source>Column of the measure</source><translation>応答する量の列</translation></message>
-  <message><source>Column of what responds [default: mean_height_m].</source><translation>応答する量の列。省略時は mean_height_m。</translation></message>
+  <message><source>Column of the response [default: mean_height_m].</source><translation>応答する量の列。省略時は mean_height_m。</translation></message>
   <message><source>Columns</source><translation>列数</translation></message>
   <message><source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source><translation>農場マップに含まれるセッションのサーフェスを一つのラスタに結合します。重なる部分では最新のセッションを使います。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation></message>
   <message><source>Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.</source><translation>点を名前で対応させ、軸ごとに比較します。CLOUD_OR_DSM には計測した点の CSV も指定できます。</translation></message>
   <message><source>Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy Standards, Edition 2 (2023), and includes the accuracy of the points.</source><translation>点群またはサーフェスを測量点と比較します。RMSE は ASPRS Positional Accuracy Standards 第 2 版（2023）に従い、測量点の精度を含みます。</translation></message>
   <message><source>Compares the positions of GNSS logs with a reference at the same epochs: mean, standard deviation and RMSE in 3D, 2D, X, Y and Z, for all epochs and by fix type. Several services are compared in one table, and their tracks and errors become layers.</source><translation>GNSS ログの位置を同じエポックの基準と比較し、3D、2D、X、Y、Z の平均、標準偏差、RMSE を全エポックと測位解の種類ごとに求めます。複数のサービスは一つの表で比較され、軌跡と誤差はレイヤになります。</translation></message>
-  <message><source>Compute the published method beside the default one.</source><translation>公表された方法も既定の方法とあわせて計算します。</translation></message>
   <message><source>Compute the published method, too</source><translation>公表された方法も計算</translation></message>
   <message><source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation></message>
   <message><source>Computes the attitude of a mount that moves against the vehicle, such as one on dampers, from images of a chessboard: the camera is on the mount and the board on the vehicle, or the other way round. A session names the table under [mount] attitude.</source><translation>ダンパーなどで車両に対して動く取付部の姿勢を、チェスボードの画像から計算します。カメラを取付部に、板を車両に置くか、その逆にします。セッションでは [mount] attitude にこの表を指定します。</translation></message>
   <message><source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source><translation>セッションの記録から地理座標付きの点群を計算し、作業機が土に入っている区間をスキャンから検出して、作業済みの範囲、サーフェス、レポートを出力します。</translation></message>
   <message><source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source><translation>スキャナを使わず、機械の ISO 11783-10 作業データから圃場ごとの作業済みの範囲を計算します。行程、重複、作業残しとその面積が得られます。</translation></message>
-  <message><source>Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program rnx2rtkp, which has to be installed. A session names the result as its GNSS log.</source><translation>RINEX ファイルから、基準局に対する移動局の位置を計算します。RTKLIB のプログラム rnx2rtkp がインストールされている必要があります。結果はセッションで GNSS ログとして指定します。</translation></message>
+  <message><source>Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program rnx2rtkp, which you install yourself. To use the result, name it in a session as its GNSS log.</source><translation>RINEX ファイルから、基準局に対する移動局の位置を計算します。RTKLIB のプログラム rnx2rtkp がインストールされている必要があります。結果はセッションで GNSS ログとして指定します。</translation></message>
   <message><source>Content</source><translation>内容</translation></message>
-  <message><source>Continue a run into DIR that was killed or lost power: its scan matching is used again if session and recordings are unchanged.</source><translation>強制終了や停電で中断した処理を、同じフォルダで続けます。セッションと記録が変わっていなければ、スキャンマッチングの結果を再利用します。</translation></message>
+  <message><source>Continue an interrupted run into DIR. Its scan matching is reused if session and recordings have not changed.</source><translation>強制終了や停電で中断した処理を、同じフォルダで続けます。セッションと記録が変わっていなければ、スキャンマッチングの結果を再利用します。</translation></message>
   <message><source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source><translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation></message>
   <message><source>Coordinate transformations of a session</source><translation>セッションの座標変換</translation></message>
-  <message><source>Counts how often each spot was worked, when last, and how often rear wheels passed it, from the sessions of a farm map. Wheels are counted where both widths are given.</source><translation>農場マップのセッションから、各地点の作業回数、最後の作業日、後輪の通過回数を数えます。車輪は両方の幅を指定したときに数えます。</translation></message>
+  <message><source>Copy the sensor positions of this machine: the name of a saved one, or its profile.</source><translation>センサーの位置をコピーする機械。保存した機械の名前、またはプロファイル。</translation></message>
+  <message><source>Counts how often each spot was worked, when last, and how often rear wheels passed it, from the sessions of a farm map. To count wheel passes, state both widths.</source><translation>農場マップのセッションから、各地点の作業回数、最後の作業日、後輪の通過回数を数えます。車輪は両方の幅を指定したときに数えます。</translation></message>
   <message><source>Create a session file</source><translation>セッションファイルの作成</translation></message>
   <message><source>Crop height</source><translation>作物の高さ</translation></message>
   <message><source>Crops and trials</source><translation>作物と試験</translation></message>
@@ -104,13 +103,18 @@
   <message><source>Day of the flight</source><translation>飛行日</translation></message>
   <message><source>Day up to which doses are summed [default: that of the points].</source><translation>施用量をこの日まで合計します。省略時は点群の計測日。</translation></message>
   <message><source>Days of the flights</source><translation>飛行日</translation></message>
+  <message><source>Describe square cells with sides of this length.</source><translation>値を求める正方形のセルの一辺。</translation></message>
+  <message><source>Describe these polygons instead of cells.</source><translation>セルの代わりに、値を求める領域。</translation></message>
   <message><source>Describes trees, orchards and other stands in LAS, LAZ or COPC point clouds: canopy height model, height percentiles, gap fraction and vertical profile, by square cell or by polygon.</source><translation>LAS、LAZ、COPC 点群から、樹木、果樹園などの林分・群落を調べます。樹冠高モデル（CHM）と、正方形のセルまたはポリゴンごとの高さのパーセンタイル、空隙率、垂直分布を求めます。</translation></message>
   <message><source>Detect disc targets at the points by intensity or colour, for the horizontal error.</source><translation>水平誤差を求めるため、測量点の円板標的を反射強度または色で検出します。</translation></message>
   <message><source>Diameter of the discs</source><translation>円板の直径</translation></message>
   <message><source>Diameter of the discs.</source><translation>円板の直径。</translation></message>
+  <message><source>Direction of the first row, clockwise from north, instead of its end.</source><translation>最初の行の終点の代わりに、その方向（北から時計回り）。</translation></message>
   <message><source>Direction of tillage</source><translation>耕うん方向</translation></message>
   <message><source>Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.</source><translation>座標北から時計回りの耕うん方向。ランダム粗度から耕うんの跡を除きます。</translation></message>
   <message><source>Disc targets</source><translation>円板標的</translation></message>
+  <message><source>Distance between columns.</source><translation>列と列の間隔。</translation></message>
+  <message><source>Distance between rows.</source><translation>行と行の間隔。</translation></message>
   <message><source>Draw the frames from the side and from above.</source><translation>座標系を横と上から見た図に描きます。</translation></message>
   <message><source>Drawing</source><translation>図</translation></message>
   <message><source>Elevation mask</source><translation>仰角マスク</translation></message>
@@ -121,7 +125,7 @@
   <message><source>Evaluate GNSS logs</source><translation>GNSS ログの評価</translation></message>
   <message><source>Evaluation (HTML)</source><translation>評価（HTML）</translation></message>
   <message><source>Every n-th point</source><translation>n 点ごとに 1 点</translation></message>
-  <message><source>Exit status 4 if the results contradict each other; they are written all the same.</source><translation>結果が互いに矛盾する場合は終了ステータス 4 とします。結果はその場合も書き出されます。</translation></message>
+  <message><source>Exit with status 4 if the results contradict each other. They are written nevertheless.</source><translation>結果が互いに矛盾する場合は終了ステータス 4 とします。結果はその場合も書き出されます。</translation></message>
   <message><source>Export results</source><translation>実行結果のエクスポート</translation></message>
   <message><source>Extent</source><translation>領域</translation></message>
   <message><source>Farm map</source><translation>農場マップ</translation></message>
@@ -136,6 +140,7 @@
   <message><source>Figures by field (JSON)</source><translation>圃場ごとの集計（JSON）</translation></message>
   <message><source>File or folder written</source><translation>書き出したファイルまたはフォルダ</translation></message>
   <message><source>File to open</source><translation>開くファイル</translation></message>
+  <message><source>File to write [default: name of ROVER with .pos].</source><translation>出力する .pos ファイル（既定は ROVER の名前に .pos を付けたもの）。</translation></message>
   <message><source>Files written</source><translation>書き出したファイル</translation></message>
   <message><source>Fill gaps up to this distance from the nearest measured height, but not beyond the outline of the data.</source><translation>最も近い計測値からこの距離までの欠損を補間します。データの外側は補間しません。</translation></message>
   <message><source>Findings (JSON)</source><translation>調査結果（JSON）</translation></message>
@@ -144,8 +149,7 @@
   <message><source>First day of a season (MM-DD)</source><translation>シーズンの最初の日（MM-DD）</translation></message>
   <message><source>First day of a season, such as 04-01; kept in MAP [default: 01-01].</source><translation>シーズンの最初の日（例：04-01）。農場マップに保存されます。省略時は 01-01。</translation></message>
   <message><source>First number</source><translation>最初の番号</translation></message>
-  <message><source>First number.</source><translation>最初の番号。</translation></message>
-  <message><source>Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses the variance by treatment and block, and computes growth where there are tables of several days. Writes charts, a table and response.json.</source><translation>施用量に対する作物高の応答にロジスティック曲線を当てはめ、それ以上増やしても効果がない施用量を求めます。処理とブロックによる分散分析も行い、複数の日の表があれば生長速度も計算します。グラフ、表、response.json を書き出します。</translation></message>
+  <message><source>Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses the variance by treatment and block, and computes growth from tables of several days. Writes charts, a table and response.json.</source><translation>施用量に対する作物高の応答にロジスティック曲線を当てはめ、それ以上増やしても効果がない施用量を求めます。処理とブロックによる分散分析も行い、複数の日の表があれば生長速度も計算します。グラフ、表、response.json を書き出します。</translation></message>
   <message><source>Folder for evaluation.json, evaluation.html, evaluation.gpkg, services.csv and epochs.csv.</source><translation>evaluation.json、evaluation.html、evaluation.gpkg、services.csv、epochs.csv のフォルダ。</translation></message>
   <message><source>Folder of the season.</source><translation>シーズンのフォルダー。</translation></message>
   <message><source>Format</source><translation>形式</translation></message>
@@ -170,7 +174,6 @@
   <message><source>Inner corners of the chessboard</source><translation>チェスボードの内側の角の数</translation></message>
   <message><source>Inner corners of the chessboard, such as 9x6.</source><translation>チェスボードの内側の角の数。例：9x6。</translation></message>
   <message><source>Inspect recordings</source><translation>記録を調べる</translation></message>
-  <message><source>Instead of the end of the first row: its direction from north.</source><translation>最初の行の終点の代わりに、北からの方向。</translation></message>
   <message><source>Its [camera] has the intrinsics. Without it they are estimated from the images.</source><translation>[camera] に内部パラメータがあるもの。指定しなければ画像から推定します。</translation></message>
   <message><source>Its [camera] names the images; GNSS and IMU give their poses. The scans are not read.</source><translation>[camera] で画像を指定したもの。位置と姿勢は GNSS と IMU から求めます。スキャンは読みません。</translation></message>
   <message><source>Its name or identifier.</source><translation>名前または識別子。</translation></message>
@@ -181,8 +184,8 @@
   <message><source>LAS, LAZ or COPC file.</source><translation>LAS、LAZ、COPC ファイル。</translation></message>
   <message><source>LAS, LAZ or COPC files in one CRS.</source><translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation></message>
   <message><source>LAS, LAZ or COPC files of two days or more.</source><translation>2 日以上の LAS、LAZ、COPC ファイル。</translation></message>
+  <message><source>LAS, LAZ or COPC files, used together.</source><translation>LAS、LAZ、COPC ファイル。まとめて使います。</translation></message>
   <message><source>LAS, LAZ or COPC files; all go into one raster grid.</source><translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation></message>
-  <message><source>LAS, LAZ or COPC files; they are used together.</source><translation>LAS、LAZ、COPC ファイル。まとめて使います。</translation></message>
   <message><source>LAS, LAZ, COPC or GeoTIFF.</source><translation>LAS、LAZ、COPC、または GeoTIFF。</translation></message>
   <message><source>Last day</source><translation>最後の日</translation></message>
   <message><source>Latitude, longitude and height above the ellipsoid of its antenna, separated by commas; by default approximate, from its file.</source><translation>アンテナの緯度、経度、楕円体高をコンマで区切って指定します。省略した場合はファイルにある概略位置を使います。</translation></message>
@@ -193,17 +196,15 @@
   <message><source>Leave out satellites below this elevation.</source><translation>この仰角より低い衛星を使いません。</translation></message>
   <message><source>Leave out these classes; 64,65 are the machine in furrowmap's own clouds.</source><translation>これらのクラスを除外します。furrowmap の点群では 64,65 が車両と作業機です。</translation></message>
   <message><source>Length of a plot</source><translation>試験区の長さ</translation></message>
-  <message><source>Length of a plot along the base line [default: what the two corners leave].</source><translation>基線に沿った試験区の長さ。省略時は二つの角の距離から求めます。</translation></message>
-  <message><source>Length of a square's sides.</source><translation>正方形の一辺の長さ。</translation></message>
+  <message><source>Length of a plot along the base line [default: from the two corners].</source><translation>基線に沿った試験区の長さ。省略時は二つの角の距離から求めます。</translation></message>
   <message><source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source><translation>1 回の走行の LiDAR キャプチャまたは bag、GNSS ログ、軌跡。</translation></message>
   <message><source>List the saved machines</source><translation>保存した機械の一覧</translation></message>
   <message><source>List the sessions of the farm map</source><translation>農場マップのセッション一覧</translation></message>
-  <message><source>Lists the machines whose places of sensors and tools are saved.</source><translation>センサーと作業機の位置を保存した機械を一覧にします。</translation></message>
+  <message><source>Lists the saved machines.</source><translation>保存した機械を一覧にします。</translation></message>
   <message><source>Lists the sessions of a farm map: identifier, date, worked area, name.</source><translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation></message>
   <message><source>Lists the work of each field and season in a farm map, and that of each machine.</source><translation>農場マップの圃場・シーズンごとの作業と、機械ごとの作業を一覧にします。</translation></message>
   <message><source>Logs to evaluate</source><translation>評価するログ</translation></message>
   <message><source>Machine</source><translation>機械</translation></message>
-  <message><source>Machine whose sensors' places are copied: the name of a saved one, or its profile.</source><translation>センサーの位置をコピーする機械。保存した機械の名前、またはプロファイル。</translation></message>
   <message><source>Machines (JSON)</source><translation>機械（JSON）</translation></message>
   <message><source>Makes the plots of a trial as a grid of rectangles with identifiers and blocks. Click the outer corner of the first plot, and the other end of the first row.</source><translation>試験区を、番号とブロックを持つ長方形の格子として作成します。最初の試験区の外側の角と、最初の行のもう一方の端を地図上でクリックしてください。</translation></message>
   <message><source>Maximum gap to fill</source><translation>補間する欠損の最大幅</translation></message>
@@ -212,10 +213,11 @@
   <message><source>Maximum number of rows of a Parquet file.</source><translation>Parquet ファイル 1 つの最大行数。</translation></message>
   <message><source>Mean of all sessions</source><translation>全セッションの平均</translation></message>
   <message><source>Measures height and volume of the crop on each parcel from LAS, LAZ or COPC point clouds of any source, with standard deviations: a layer of the parcels, a table, and a raster of crop heights.</source><translation>任意の LAS、LAZ、COPC 点群から、区画ごとに作物の高さと体積を標準偏差とともに求めます。区画のレイヤ、表、作物の高さのラスタを出力します。</translation></message>
-  <message><source>Measures what the crop on each parcel grew between flights of several days, aligned in height by the bare soil that they have in common, with standard deviations: a layer coloured by growth, and a table.</source><translation>日を変えて飛行した点群から、区画ごとの作物の生育量（高さの増加）を標準偏差とともに求めます。飛行間の高さは共通する裸地で揃えます。生育量で色分けしたレイヤと表を出力します。</translation></message>
-  <message><source>Merges the results of many sessions, such as those of a list of drives: for each date a mosaic of the surfaces, of the change and of the worked ground, tables of points and trajectories, and a STAC catalogue of it all. Parts that have not changed are not made again.</source><translation>走行の一覧など、多数のセッションの結果をまとめます：日付ごとの表面・変化・作業済み範囲のモザイク、点と軌跡の表、およびそれらすべての STAC カタログ。変わっていない部分は作り直しません。</translation></message>
+  <message><source>Measures how much the crop on each parcel grew between flights of several days, aligned in height by the bare soil that they have in common, with standard deviations: a layer coloured by growth, and a table.</source><translation>日を変えて飛行した点群から、区画ごとの作物の生育量（高さの増加）を標準偏差とともに求めます。飛行間の高さは共通する裸地で揃えます。生育量で色分けしたレイヤと表を出力します。</translation></message>
+  <message><source>Merges the results of many sessions, such as those of a list of drives: for each date a mosaic of the surfaces, of the change and of the worked ground, tables of points and trajectories, and a STAC catalogue. Unchanged parts are not computed again.</source><translation>走行の一覧など、多数のセッションの結果をまとめます：日付ごとの表面・変化・作業済み範囲のモザイク、点と軌跡の表、およびそれらすべての STAC カタログ。変わっていない部分は作り直しません。</translation></message>
   <message><source>Method for heights and volumes</source><translation>高さと体積の方法</translation></message>
   <message><source>Method for heights and volumes: the canopy's top, unbiased by point density, or as published in 2017.</source><translation>高さと体積の方法。点密度で偏らない群落上端、または 2017 年に公表された方法。</translation></message>
+  <message><source>Metres to cut off each end and off each side of the gross parcels [default: none].</source><translation>区画全体の両端と両側から除く幅（m）。両端、両側の順 [既定値: なし]。</translation></message>
   <message><source>Missing from the recordings</source><translation>記録にないもの</translation></message>
   <message><source>Mosaic</source><translation>モザイク</translation></message>
   <message><source>Mosaic of the farm map's surfaces</source><translation>農場マップのサーフェスのモザイク</translation></message>
@@ -231,22 +233,23 @@
   <message><source>Number of changes</source><translation>変化の数</translation></message>
   <message><source>Number of parcels</source><translation>区画の数</translation></message>
   <message><source>Number of passes</source><translation>行程数</translation></message>
+  <message><source>Number of plots across the base line.</source><translation>横に並ぶ試験区の数。</translation></message>
+  <message><source>Number of plots along the base line.</source><translation>基線に沿った試験区の数。</translation></message>
   <message><source>Number of points</source><translation>点の数</translation></message>
+  <message><source>Number of rows or columns in a block.</source><translation>1 ブロックの行数または列数。</translation></message>
   <message><source>Number of sessions</source><translation>セッションの数</translation></message>
   <message><source>Number of sessions left</source><translation>残りのセッション数</translation></message>
   <message><source>Number of sessions removed</source><translation>削除したセッション数</translation></message>
   <message><source>Number of surfaces</source><translation>サーフェスの数</translation></message>
+  <message><source>Number of the first plot.</source><translation>最初の試験区の番号。</translation></message>
   <message><source>Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8].</source><translation>スレッド数。省略時は FURROWMAP_THREADS、なければプロセッサ数（最大 8）。</translation></message>
   <message><source>Number of worker processes [default: by cores and memory].</source><translation>ワーカープロセスの数。省略時はコア数とメモリーから決まります。</translation></message>
-  <message><source>Number the plots of each block anew: 101, 102, … 201.</source><translation>ブロックごとに番号を付け直します（101、102、… 201）。</translation></message>
   <message><source>Numbering</source><translation>番号の付け方</translation></message>
   <message><source>Numbers along</source><translation>番号の進む方向</translation></message>
   <message><source>Observations of the base station at the same time.</source><translation>同じ時刻の基準局の観測データ。</translation></message>
   <message><source>Observations of the rover.</source><translation>移動局の観測データ。</translation></message>
-  <message><source>Of a block.</source><translation>1 ブロックの行数または列数。</translation></message>
   <message><source>Of a rear tyre, in metres.</source><translation>後輪タイヤ 1 本の幅（m）。</translation></message>
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
-  <message><source>Of a video: time of its first frame, such as 2026-05-23T09:41:12.345 (UTC, or with a zone).</source><translation>動画の場合、最初のフレームの時刻。2026-05-23T09:41:12.345 のように指定します（UTC または時間帯付き）。</translation></message>
   <message><source>Of the services in the tables: one per line, in the order of the logs.</source><translation>表に示すサービス名。ログの順に 1 行に一つ。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
   <message><source>One per line, in the order of the clouds: 2017-05-23.</source><translation>点群の順に 1 行に 1 つ：2017-05-23。</translation></message>
@@ -278,17 +281,15 @@
   <message><source>Pixel of the canopy height model</source><translation>樹冠高モデルの画素サイズ</translation></message>
   <message><source>Pixel of the canopy height model [default: the smallest round size with four points, up to 1 m].</source><translation>樹冠高モデルの画素サイズ。省略時は 1 画素に 4 点が入る切りのよい最小値（最大 1 m）。</translation></message>
   <message><source>Plots</source><translation>試験区</translation></message>
-  <message><source>Plots along the base line.</source><translation>基線に沿った試験区の数。</translation></message>
-  <message><source>Plots beside each other.</source><translation>横に並ぶ試験区の数。</translation></message>
   <message><source>Plots, as .gpkg or .geojson.</source><translation>試験区（.gpkg または .geojson）。</translation></message>
   <message><source>Point cloud</source><translation>点群</translation></message>
   <message><source>Point cloud or surface</source><translation>点群またはサーフェス</translation></message>
   <message><source>Point clouds</source><translation>点群</translation></message>
   <message><source>Point spacing</source><translation>点間隔</translation></message>
-  <message><source>Point spacing that is sufficient; 0 for all points.</source><translation>十分な点間隔。0 はすべての点。</translation></message>
   <message><source>Points and trajectories are GeoParquet, which needs the extra 'parquet'.</source><translation>点と軌跡は GeoParquet で、追加パッケージ 'parquet' が必要です。</translation></message>
   <message><source>Polygons instead of cells</source><translation>セルの代わりのポリゴン</translation></message>
   <message><source>Position of the base station</source><translation>基準局の位置</translation></message>
+  <message><source>Position of the board; the camera is on the other part.</source><translation>板のある場所。カメラはもう一方にあります。</translation></message>
   <message><source>Positions</source><translation>位置</translation></message>
   <message><source>Positions from RINEX files</source><translation>RINEX ファイルから位置を計算</translation></message>
   <message><source>PostGIS schema</source><translation>PostGIS スキーマ</translation></message>
@@ -300,7 +301,8 @@
   <message><source>Projected CRS of the plots, such as EPSG:25832.</source><translation>試験区の投影座標系（例：EPSG:25832）。</translation></message>
   <message><source>Projected CRS, such as EPSG:6677 [default: chosen from the location].</source><translation>投影 CRS（例：EPSG:6677）。省略時は場所から選びます。</translation></message>
   <message><source>Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or implement detection. Replaces an earlier preview, never the products of a run.</source><translation>数秒で概略を確認します。軌跡と、少数のスキャンによる粗いサーフェスを作成し、スキャンマッチングと作業機の検出は行いません。以前のプレビューを置き換えますが、本処理の成果物は置き換えません。</translation></message>
-  <message><source>Reads recordings and writes a commented session.toml with everything that they contain. What they do not contain, such as the mounting of the scanner, is left as a comment and reported.</source><translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation></message>
+  <message><source>Read the undamaged parts of damaged clouds.</source><translation>破損した部分を除いて点群を使います。</translation></message>
+  <message><source>Reads recordings and writes a commented session.toml with everything that they contain. It lists what they do not contain, such as the mounting of the scanner, and leaves comments where you enter it.</source><translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation></message>
   <message><source>Recordings</source><translation>記録</translation></message>
   <message><source>Reference log</source><translation>基準のログ</translation></message>
   <message><source>Refuse sessions in another CRS</source><translation>CRS の異なるセッションを拒否</translation></message>
@@ -310,23 +312,23 @@
   <message><source>Replace the products of another recording</source><translation>別の記録の成果物を置き換える</translation></message>
   <message><source>Replace the products of another recording in DIR.</source><translation>フォルダにある別の記録の成果物を置き換えます。</translation></message>
   <message><source>Report (HTML)</source><translation>レポート（HTML）</translation></message>
-  <message><source>Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.</source><translation>実行時にセッションの座標がどう変換されるかを、現地での数値とともに報告します。基準座標系とエポック、移動量、ジオイド高、子午線収差角、縮尺係数です。ファイルは書き出しません。</translation></message>
+  <message><source>Reports how a run transforms the coordinates of a session, with figures for the site: reference frame and epoch, size of the shift, geoid height, grid convergence and scale factor. Writes no files.</source><translation>実行時にセッションの座標がどう変換されるかを、現地での数値とともに報告します。基準座標系とエポック、移動量、ジオイド高、子午線収差角、縮尺係数です。ファイルは書き出しません。</translation></message>
   <message><source>Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.</source><translation>記録の内容を報告します。センサの機種、点数、期間、時計とその差、測位解の種類です。</translation></message>
   <message><source>Required horizontal RMSE</source><translation>要求する水平 RMSE</translation></message>
   <message><source>Required vertical RMSE</source><translation>要求する鉛直 RMSE</translation></message>
   <message><source>Requirements met</source><translation>要求を満たす</translation></message>
+  <message><source>Restart the numbers in each block: 101, 102, … 201.</source><translation>ブロックごとに番号を付け直します（101、102、… 201）。</translation></message>
   <message><source>Result of a run</source><translation>実行結果</translation></message>
   <message><source>Results of runs</source><translation>実行結果</translation></message>
   <message><source>Resume</source><translation>再開</translation></message>
-  <message><source>Returns up to this height above the ground are from the ground; in forests 2 is usual.</source><translation>地面からこの高さまでの反射を地面とみなします。森林では 2 m が一般的です。</translation></message>
+  <message><source>Returns up to this height count as ground; in forests 2 is usual.</source><translation>地面からこの高さまでの反射を地面とみなします。森林では 2 m が一般的です。</translation></message>
   <message><source>Roll, pitch and yaw of the board</source><translation>板のロール、ピッチ、ヨー</translation></message>
   <message><source>Rover (RINEX)</source><translation>移動局（RINEX）</translation></message>
   <message><source>Rows</source><translation>行数</translation></message>
   <message><source>Rows or columns of a block</source><translation>1 ブロックの行数または列数</translation></message>
   <message><source>Run a session</source><translation>セッションの実行</translation></message>
-  <message><source>Running Dask scheduler whose workers are used: tls://HOST:PORT, or tcp:// without protection.</source><translation>使用するワーカーの、稼働中の Dask スケジューラー：tls://HOST:PORT（tcp:// は保護なし）。</translation></message>
   <message><source>Save the machine of a session</source><translation>セッションの機械を保存</translation></message>
-  <message><source>Saves the places of antenna, scanner, IMU, camera and implement that a session states, for sessions of the same machine.</source><translation>セッションに記入したアンテナ、スキャナ、IMU、カメラ、作業機の位置を保存し、同じ機械のセッションで使えるようにします。</translation></message>
+  <message><source>Saves the positions of antenna, scanner, IMU, camera and implement from a session, for other sessions of the same machine.</source><translation>セッションに記入したアンテナ、スキャナ、IMU、カメラ、作業機の位置を保存し、同じ機械のセッションで使えるようにします。</translation></message>
   <message><source>Scenario</source><translation>シナリオ</translation></message>
   <message><source>Scheduler</source><translation>スケジューラー</translation></message>
   <message><source>Season</source><translation>シーズン</translation></message>
@@ -338,12 +340,12 @@
   <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Sessions (JSON)</source><translation>セッション（JSON）</translation></message>
   <message><source>Share a result</source><translation>実行結果の共有</translation></message>
-  <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its place, its angles and the directions of its axes in words. A drawing shows them from the side and from above. The recordings are not read.</source><translation>セッションの座標系を示します。地球、地図、車両、各センサの位置と角度、軸の向きを言葉で表します。図では横と上から見た様子を示します。記録は読み込みません。</translation></message>
+  <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its position, its angles and the directions of its axes in words, and draws them from the side and from above. Does not read the recordings.</source><translation>セッションの座標系を示します。地球、地図、車両、各センサの位置と角度、軸の向きを言葉で表します。図では横と上から見た様子を示します。記録は読み込みません。</translation></message>
   <message><source>Side</source><translation>側</translation></message>
   <message><source>Side of a square</source><translation>正方形の一辺</translation></message>
+  <message><source>Side of a square.</source><translation>正方形の一辺の長さ。</translation></message>
   <message><source>Side of the base line on which the rows lie, looking along it.</source><translation>基線の進行方向に向かって、行が並ぶ側。</translation></message>
   <message><source>Side of the cells</source><translation>セルの一辺</translation></message>
-  <message><source>Side of the square cells that figures are of.</source><translation>値を求める正方形のセルの一辺。</translation></message>
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
   <message><source>Soil below the crop</source><translation>作物の下の土壌面</translation></message>
   <message><source>Soil of another date</source><translation>別の日の地表面</translation></message>
@@ -368,20 +370,20 @@
   <message><source>Tables of parcels</source><translation>区画の表</translation></message>
   <message><source>Task</source><translation>作業</translation></message>
   <message><source>Task data</source><translation>作業データ</translation></message>
-  <message><source>The .pos file [default: name of ROVER with .pos].</source><translation>出力する .pos ファイル（既定は ROVER の名前に .pos を付けたもの）。</translation></message>
   <message><source>The board is on the</source><translation>板のある場所</translation></message>
   <message><source>The dates are moved onto it: GeoTIFF, or CSV or GeoPackage of points.</source><translation>各日付の結果をこれに合わせて動かします。GeoTIFF、または点の CSV か GeoPackage です。</translation></message>
   <message><source>The farm's GeoPackage.</source><translation>農場の GeoPackage。</translation></message>
   <message><source>The output MET reports whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
-  <message><source>The report.json of each run; it stands for the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
-  <message><source>The report.json of the run; it stands for the folder of the run.</source><translation>実行の report.json。実行結果のフォルダを表します。</translation></message>
+  <message><source>The report.json of each run; it represents the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
+  <message><source>The report.json of the run; it represents the folder of the run.</source><translation>実行の report.json。実行結果のフォルダを表します。</translation></message>
   <message><source>The rover stands still</source><translation>移動局は静止</translation></message>
   <message><source>The rover stands still.</source><translation>移動局は静止しています。</translation></message>
   <message><source>The session.toml beside the recording; 'Create a session file' writes one.</source><translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation></message>
   <message><source>The year in which it begins; all seasons by default.</source><translation>シーズンが始まる年。省略時はすべてのシーズン。</translation></message>
+  <message><source>Thin the points to this spacing; 0 keeps all points.</source><translation>点をこの間隔まで間引きます。0 はすべての点。</translation></message>
   <message><source>Threads</source><translation>スレッド数</translation></message>
-  <message><source>Ties the results of one field to each other by the ground that no tool touched in between, in height, tilt and place, and measures the soil moved from each date to the next, with standard deviations.</source><translation>一つの圃場の結果を、その間に作業機が触れていない地面によって、高さ、傾き、位置で互いに合わせ、各日付から次の日付までに動いた土の量を標準偏差とともに求めます。</translation></message>
   <message><source>Time of a video's first frame</source><translation>動画の最初のフレームの時刻</translation></message>
+  <message><source>Time of the first frame of a video, such as 2026-05-23T09:41:12.345 (UTC, or with a zone).</source><translation>動画の場合、最初のフレームの時刻。2026-05-23T09:41:12.345 のように指定します（UTC または時間帯付き）。</translation></message>
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>
   <message><source>Time zone of dates and map tips, such as Asia/Tokyo [default: that of the run].</source><translation>日付と地図のヒントのタイムゾーン。例：Asia/Tokyo［既定：処理結果のもの］。</translation></message>
   <message><source>Track width</source><translation>輪距</translation></message>
@@ -390,18 +392,15 @@
   <message><source>Treatments</source><translation>処理</translation></message>
   <message><source>Tyre width</source><translation>タイヤ幅</translation></message>
   <message><source>UTC date of the first position, for logs without a date.</source><translation>最初の測位の UTC 日付。日付のないログに使います。</translation></message>
-  <message><source>Unpack files however large their content is.</source><translation>内容がどれほど大きくてもファイルを展開します。</translation></message>
-  <message><source>Use clouds without the parts that are damaged.</source><translation>破損した部分を除いて点群を使います。</translation></message>
+  <message><source>Unpack files of any size.</source><translation>内容がどれほど大きくてもファイルを展開します。</translation></message>
   <message><source>Use every n-th frame</source><translation>n 枚ごとのフレームを使う</translation></message>
   <message><source>Use every n-th frame.</source><translation>n 枚ごとにフレームを使います。</translation></message>
+  <message><source>Use the workers of this Dask scheduler: tls://HOST:PORT, or tcp:// without encryption.</source><translation>使用するワーカーの、稼働中の Dask スケジューラー：tls://HOST:PORT（tcp:// は暗号化なし）。</translation></message>
   <message><source>Voxel size</source><translation>ボクセルサイズ</translation></message>
   <message><source>Voxel size, the smallest detail [default: the point spacing, 0.05 to 0.4].</source><translation>ボクセルの大きさ（識別できる最小の細部）。既定値は点間隔（0.05～0.4）。</translation></message>
   <message><source>Voxel size; keep the point nearest to the centre of each voxel.</source><translation>ボクセルサイズ。各ボクセルの中心に最も近い点を残します。</translation></message>
-  <message><source>Where the board is; the camera is on the other.</source><translation>板のある場所。カメラはもう一方にあります。</translation></message>
-  <message><source>Whether every second run of numbers goes back.</source><translation>番号を一列おきに折り返すかどうか。</translation></message>
   <message><source>Whether numbers run along rows (from column to column) or along columns.</source><translation>番号を行に沿って（列から列へ）進めるか、列に沿って進めるか。</translation></message>
   <message><source>Whether rows or columns are blocks (replicates).</source><translation>行または列をブロック（反復）とするかどうか。</translation></message>
-  <message><source>Width in metres of the strip between gross and net parcel off each end, and off each side [default: none].</source><translation>区画全体と調査区画の間の幅（m）。両端、両側の順 [既定値: なし]。</translation></message>
   <message><source>Width of a plot</source><translation>試験区の幅</translation></message>
   <message><source>Width of a plot across the base line.</source><translation>基線に直交する試験区の幅。</translation></message>
   <message><source>Within polygons</source><translation>ポリゴンで切り抜く</translation></message>
@@ -413,19 +412,20 @@
   <message><source>Write a CSV table of the errors at each point.</source><translation>各点の誤差の CSV 表を書き出します。</translation></message>
   <message><source>Write a QGIS project for QField instead of a web page.</source><translation>ウェブページの代わりに、QField 用の QGIS プロジェクトを書き出します。</translation></message>
   <message><source>Write passes, overlaps and misses to this GeoPackage.</source><translation>行程、重複、作業残しを書き出す GeoPackage。</translation></message>
-  <message><source>Write the estimates into SESSION; its other lines are kept.</source><translation>推定値をセッションファイルに書き込みます。ほかの行は変更しません。</translation></message>
+  <message><source>Write the estimates into SESSION; its other lines do not change.</source><translation>推定値をセッションファイルに書き込みます。ほかの行は変更しません。</translation></message>
   <message><source>Write the estimates into the session file</source><translation>推定値をセッションファイルに書き込む</translation></message>
   <message><source>Write the mounting into this machine's profile, with the day and the standard deviations.</source><translation>取付角を、日付と標準偏差とともにこの機械のプロファイルに書き込みます。</translation></message>
   <message><source>Writes a LAS, LAZ or COPC point cloud of any source in the colours of the images of a session. Each point takes the colour of the best image that sees it; points that no image sees are black.</source><translation>任意の LAS、LAZ、COPC 点群に、セッションの画像の色を付けて書き出します。各点は、その点が最もよく見える画像の色になります。どの画像にも写っていない点は黒です。</translation></message>
   <message><source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source><translation>トラクタの模擬記録を作成します。LiDAR のパケット、GNSS ログ、セッションファイル、圃場の境界と、その真値です。furrowmap の学習やセンサ取り付けの検討に役立ちます。</translation></message>
   <message><source>Writes all sessions of a field in a farm map as a page with a map, or as a table (CSV).</source><translation>農場マップの圃場の全セッションを、地図付きのページまたは表（CSV）として書き出します。</translation></message>
-  <message><source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation></message>
+  <message><source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: on request, outliers become noise, ground is classified, and the cloud is thinned. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation></message>
   <message><source>Writes the result of a run as a folder for people without a GIS: a web page with map, layers, figures, point cloud in three dimensions and measuring, which opens from disk and needs no network; or a project for QField.</source><translation>GIS を使わない人のために、実行結果をフォルダに書き出します：地図、レイヤ、数値、3D 点群、計測を備え、ネットワークなしでディスクから開けるウェブページ、または QField 用プロジェクト。</translation></message>
   <message><source>dsm: after the work; dsm_before: before it; change: the difference.</source><translation>dsm：作業後、dsm_before：作業前、change：その差。</translation></message>
   <message><source>fixed: leave out epochs without a fixed solution in the reference.</source><translation>fixed：基準が FIX 解でないエポックを除外します。</translation></message>
   <message><source>furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap.</source><translation>furrowmap のワーカーが設定されていません。「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation></message>
   <message><source>isoxml writes task data into a folder, or into a .zip if the output's name ends in .zip. Only stac accepts several results.</source><translation>isoxml は作業データをフォルダに、出力名が .zip で終わる場合は .zip に書き出します。複数の実行結果を受け付けるのは stac だけです。</translation></message>
   <message><source>parcels.csv of runs, one for each day.</source><translation>実行結果の parcels.csv。1 日につき 1 ファイル。</translation></message>
+  <message><source>serpentine: every second row or column is numbered backwards.</source><translation>serpentine では、一行または一列おきに逆向きに番号を付けます。</translation></message>
   <message><source>{parameter}: '{text}' has the wrong format. {help}</source><translation>{parameter}：「{text}」は形式が正しくありません。{help}</translation></message>
   <message><source>{parameter}: {path} does not exist.</source><translation>{parameter}：{path} が存在しません。</translation></message>
 </context>
