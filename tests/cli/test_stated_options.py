@@ -188,8 +188,7 @@ def test_inspect__status_is_3_if_one_of_several_cannot_be_read(
 ) -> None:
     stated(
         "furrowmap inspect",
-        "A file that cannot be read is reported on standard error; the others are still described, and the exit status "
-        "is 3.",
+        "Unreadable files are reported on standard error, the others are still described. The exit status is then 3.",
     )
     (tmp_path / "empty.pcap").touch()
     status, out, err = call(capsys, "inspect", tmp_path / "empty.pcap", cloud)
