@@ -230,7 +230,7 @@ def batch(
     say: Callable[[str], None] = lambda _: None,
     progress: Progress = silent,
 ) -> Batch:
-    """Run all sessions below some folders, each once, and write tables of them.
+    """Run all sessions in some folders and their subfolders, each once, and write tables of them.
 
     A session runs if its inputs, its settings or furrowmap's version have changed since its result was made. One that
     fails does not stop the others.

@@ -45,8 +45,8 @@ def propose_session(
     """Write a commented session file with what recordings show; what they do not show is left as a comment.
 
     Args:
-        recordings: LiDAR captures, GNSS logs, IMU logs, trajectories, task data; or a folder of these. A table of
-            images, parcels of a trial and their treatments may be among them, and are found beside them.
+        recordings: LiDAR captures, GNSS logs, IMU logs, trajectories, task data; or a folder of these. They
+            may include a table of images, parcels of a trial and their treatments, also sought in their folder.
         session_file: the file to write; `session.toml` in their common folder by default.
         machine: name or file of the profile of the machine that made the recordings; its places are copied, and
             the files of `[implement] learned`.
