@@ -72,8 +72,8 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
         nonlocal helper
         own = _listed([command]) if command else {}
         seconds = sum(map(len, (own or _listed([MOST_KERNELS])).values())) / KERNELS_A_SECOND / threads()
-        text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. furrowmap warm-up does it ahead."
-        say(translated(text, language_of_user()))
+        text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. "
+        say(translated(text + "furrowmap warm-up compiles everything in advance.", language_of_user()))
         if command and own and threads() > 1:
             options = ["--quiet", "--threads", str(threads() - 1)]
             helper = subprocess.Popen(  # noqa: S603 (this interpreter)
