@@ -24,7 +24,7 @@ import lazrs
 import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline.pipeline import run
+from furrowmap.core.pipeline.run import run
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import open_session
 from furrowmap.exporters.cloud.file import CopcFormat, las_header

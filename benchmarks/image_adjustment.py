@@ -14,8 +14,8 @@ from time import perf_counter
 
 import numpy as np
 
-from furrowmap.core.pipeline.pipeline import companions, ground_scale
 from furrowmap.core.pipeline.session_aid import aid_session
+from furrowmap.core.pipeline.solution import companions, ground_scale
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import open_session

@@ -18,7 +18,7 @@ from queue import Queue
 
 import numpy as np
 
-from furrowmap.core.pipeline.live import LiveSession
+from furrowmap.core.live.session import LiveSession
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.readers.pcap import Datagrams, datagrams_of
 from furrowmap.core.readers.reader import GivesTrack

@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 from image_adjustment import errors
 
-from furrowmap.core.pipeline.pipeline import companions, ground_scale
 from furrowmap.core.pipeline.session_aid import aid_session
+from furrowmap.core.pipeline.solution import companions, ground_scale
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import OpenSession, open_session

@@ -152,7 +152,7 @@ NO_INPUTS = {
     "app/workflows/season/sources.py": "results", "app/workflows/share/qgis_plugin.py": "files of the package",
     "app/workflows/share/share.py": "results", "cli/main.py": "the null device", "cli/worker.py": "standard input",
     "core/geodesy/crs_choice.py": "tables of the package",
-    "core/pipeline/live_difference.py": "a live session's products",
+    "core/live/difference.py": "a live session's products",
     "core/runtime/arrays.py": "memory", "core/runtime/memory.py": "the system's figures",
     "core/runtime/languages/catalogue.py": "messages of the package",
     "core/runtime/languages/messages.py": "messages of the package",

@@ -20,7 +20,7 @@ import pytest
 
 import furrowmap
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline.pipeline import run
+from furrowmap.core.pipeline.run import run
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import open_session

@@ -46,6 +46,7 @@ ROOMS = {
     "crops": ["geodesy", "readers", "surfaces", "runtime", "values"],
     "dates": ["crops", "estimation", "runtime"],
     "features": ["pointclouds", "readers", "surfaces", "runtime", "values"],
+    "live": ["geodesy", "matching", "readers", "trajectory", "work", "runtime", "values"],
     "simulator": [],
 }
 # What each part may import of furrowmap. The longest name that fits a module rules it.

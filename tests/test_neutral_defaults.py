@@ -54,7 +54,7 @@ FACTORS: Final = {
     "core/matching/ground.py Relief.noise": 1.0,
     "core/simulator/motion.py SimulatedMotion.scale": 1.0,
     "core/pointclouds/placed.py Placer.scale": 1.0,
-    "core/pipeline/pipeline.py placer_of(scale)": 1.0,
+    "core/pipeline/solution.py placer_of(scale)": 1.0,
     "core/crops/measure.py measure_parcels(scale)": 1.0,
     "core/crops/parcels.py plot_grid(scale)": 1.0,
     "core/simulator/drive.py _straight(gear)": 1,  # forward

@@ -24,6 +24,12 @@ def unwrapped_deg(lon_deg: FloatArray, about_deg: float | None = None) -> FloatA
     return out
 
 
+def signed_deg(lon_deg: FloatArray) -> FloatArray:
+    """Longitudes (n,) from −180 to 180°; some programs write the western hemisphere as 180 to 360°."""
+    is_beyond = (np.abs(lon_deg) > 180.0) & (np.abs(lon_deg) <= 360.0)
+    return np.where(is_beyond, lon_deg - np.copysign(360.0, lon_deg), lon_deg)
+
+
 def principal_deg(lon_deg: float) -> float:
     """A longitude from -180° to below 180°; unchanged where it is so already."""
     return lon_deg - 360.0 * float(np.floor((lon_deg + 180.0) / 360.0))

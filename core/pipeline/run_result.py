@@ -15,7 +15,7 @@ from furrowmap.core.adjustment.boresight import Boresight
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline.live_difference import LiveDifference
+from furrowmap.core.live.difference import LiveDifference
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.located import Located

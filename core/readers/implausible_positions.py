@@ -1,7 +1,6 @@
 """Implausible positions: off the Earth's surface, or far from all others."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -120,11 +119,8 @@ def drop_implausible_positions(
 ) -> tuple[GnssTrack, NDArray[np.bool_], list[Notice]]:
     """The track without implausible positions, which of its epochs (n,) are kept, and a notice that lists the others.
 
-    Longitudes of 180 to 360°, which some programs write for the western hemisphere, become negative. InputError if more
-    than half of the positions are implausible.
+    InputError if that is more than half of the positions.
     """
-    if (to_the_east := (track.lon_deg > 180.0) & (track.lon_deg <= 360.0)).any():
-        track = replace(track, lon_deg=np.where(to_the_east, track.lon_deg - 360.0, track.lon_deg))
     bad = is_implausible(track.lon_deg, track.lat_deg, track.height_m)
     if not bad.any():
         return track, ~bad, []

@@ -15,7 +15,6 @@ clocks was found and taken off before.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
@@ -55,7 +54,13 @@ from furrowmap.core.trajectory.inertial_adjustment import (
     with_constant,
     with_travel,
 )
-from furrowmap.core.trajectory.inertial_checks import Whiteness, check_mounting, densities, with_shown_noise
+from furrowmap.core.trajectory.inertial_checks import (
+    TurnedMounting,
+    Whiteness,
+    densities,
+    turned_mounting,
+    with_shown_noise,
+)
 from furrowmap.core.trajectory.inertial_start import (
     MAX_IMU_PAUSE_S,
     NO_HINTS,
@@ -433,11 +438,14 @@ def trajectory_from_inertial(
     found = explained(adjusted, by_noise_alone=by_noise_alone)
     adjusted = found.adjusted.with_clock_sigma(clock_sigma_s) if clock_sigma_s else found.adjusted
     trajectory = _trajectory(adjusted)
-    turned = check_mounting(trajectory, imu.mounting, source, on_wheels=hints.on_wheels)
+    turned = turned_mounting(trajectory, imu.mounting, source, on_wheels=hints.on_wheels)
     contradiction = found.notice(imu.track)
-    if contradiction is not None and not (turned and found.cause == "lever-arm"):  # which turns with the IMU
+    if contradiction is not None and not (
+        turned is not None and found.cause == "lever-arm"
+    ):  # which turns with the IMU
         notices.append(contradiction)
-    notices += turned
+    if turned is not None:
+        notices.append(turned.notice(source))
     trajectory = _as_doubtful(trajectory, found, contradiction, turned)
     far = np.nan_to_num(adjusted.observed.normalised(adjusted.problem.knots, adjusted.state)) > FAR_OFF_SIGMAS
     if contradiction is None and far.any():
@@ -474,10 +482,10 @@ def _adjusted(
 
 
 def _as_doubtful(
-    trajectory: Trajectory, found: Explained, contradiction: Notice | None, turned: Sequence[Notice]
+    trajectory: Trajectory, found: Explained, contradiction: Notice | None, turned: TurnedMounting | None
 ) -> Trajectory:
     """Standard deviations enlarged to what is seen."""
-    if contradiction is None and not turned:
+    if contradiction is None and turned is None:
         return trajectory
     sigma = trajectory.sigma.copy()
     rotation = quaternion_to_matrix(trajectory.quaternion)
@@ -489,11 +497,11 @@ def _as_doubtful(
         turned_rad = np.radians(np.minimum(np.linalg.norm(sigma[:, 3:], axis=1), 180.0))
         arm_m = float(np.linalg.norm(found.adjusted.problem.lever_m))
         sigma[:, :3] = np.hypot(sigma[:, :3], (turned_rad * arm_m)[:, None])
-    for notice in turned:
-        yaw_deg = float(str(dict(notice.values)["yaw_deg"]))
-        tilt = np.degrees(np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0))) * 2.0 * np.sin(np.radians(0.5 * yaw_deg))
+    if turned is not None:
+        half_turn = 2.0 * np.sin(np.radians(0.5 * turned.yaw_deg))
+        tilt = np.degrees(np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0))) * half_turn
         sigma[:, 3:5] = np.hypot(sigma[:, 3:5], tilt[:, None])
-        sigma[:, 5] = np.hypot(sigma[:, 5], yaw_deg)
+        sigma[:, 5] = np.hypot(sigma[:, 5], turned.yaw_deg)
     return replace(trajectory, sigma=np.minimum(sigma, [np.inf, np.inf, np.inf, 180.0, 180.0, 180.0]))
 
 

@@ -46,8 +46,20 @@ SIGNIFICANT_SIGMAS: Final = 3.0
 MIN_RESIDUAL_PAIRS: Final = 20
 
 
-def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on_wheels: bool) -> list[Notice]:
-    """Compare the attitude of the vehicle with upright and with its course.
+@dataclass(frozen=True)
+class TurnedMounting:
+    """A mounting of an IMU that is likely stated with another yaw than it has: a quarter turn or half a turn off."""
+
+    yaw_deg: float
+    right: Mounting
+
+    def notice(self, name: str) -> Notice:
+        """The warning, with the name of the measurements."""
+        return Notice("imu-turned", name=name, yaw_deg=self.yaw_deg, right=_words(self.right))
+
+
+def turned_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on_wheels: bool) -> TurnedMounting | None:
+    """What the attitude of the vehicle, against upright and its course, says of the mounting; None if it fits.
 
     A drone may fly sideways or backwards. That its nose belongs along its course shows only where the course turns
     and the nose turns with it; that a vehicle on wheels moves along its nose needs no showing.
@@ -61,7 +73,8 @@ def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on_
     speed = np.hypot(*velocity.T)
     moving = (speed > MOUNTING_MOVING_MPS) & (step_s < trajectory.max_gap_s)
     if step_s[moving].sum() < MIN_MOVING_S:
-        return _tilted(turned, mounting, name)
+        _expect_upright(turned, mounting, name)
+        return None
     along = np.zeros((int(moving.sum()), 3))
     along[:, :2] = velocity[moving] / speed[moving, None]
     course = np.stack(
@@ -71,19 +84,21 @@ def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on_
     weight = step_s[moving]
     left, size, right = np.linalg.svd(np.einsum("k,kij->ij", weight, relative) / weight.sum())
     if size[1] < 0.7:  # the rotations differ too much to have a mean
-        return _tilted(turned, mounting, name)
+        _expect_upright(turned, mounting, name)
+        return None
     mean = Rotation.from_matrix(left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right)
     nearest = _QUARTERS[int(np.argmin((_QUARTERS.inv() * mean).magnitude()))]
     off_deg = float(np.degrees((nearest.inv() * mean).magnitude()))
     if off_deg > NEAR_DEG or nearest.magnitude() < 0.1:
-        return _tilted(turned, mounting, name)
+        _expect_upright(turned, mounting, name)
+        return None
     mended = Mounting.from_rotation(mounting.xyz_m, nearest.as_matrix() @ mounting.rotation)
     if nearest.as_matrix()[2, 2] < 0.5:
         raise InputError("imu-turned.forward", name=name, right=_words(mended))
     if not on_wheels and not _follows_course(along[:, :2], turned[moving, :2, 0], weight):
-        return []
+        return None
     yaw_deg = float(np.degrees(np.arctan2(*nearest.as_matrix()[[1, 0], 0])))
-    return [Notice("imu-turned", name=name, yaw_deg=abs(yaw_deg), right=_words(mended))]
+    return TurnedMounting(abs(yaw_deg), mended)
 
 
 def _follows_course(along: FloatArray, nose: FloatArray, weight: FloatArray) -> bool:
@@ -99,12 +114,12 @@ def _follows_course(along: FloatArray, nose: FloatArray, weight: FloatArray) -> 
     return bool(abs(np.average(own * course.conj(), weights=weight)) > abs(np.average(own, weights=weight)))
 
 
-def _tilted(turned: FloatArray, mounting: Mounting, name: str) -> list[Notice]:
+def _expect_upright(turned: FloatArray, mounting: Mounting, name: str) -> None:
     """The check of the tilt alone, for a vehicle that shows no course."""
     up = turned[:, 2, :].mean(axis=0)  # the map's up in the vehicle frame
     axis = int(np.argmax(np.abs(up)))
     if np.linalg.norm(up) < 0.7 or (axis == 2 and up[2] > 0):
-        return []
+        return
     from_up = np.eye(3)[axis] * np.sign(up[axis])
     to_up = np.array([0.0, 0.0, 1.0])
     across = np.cross(from_up, to_up)

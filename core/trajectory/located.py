@@ -226,6 +226,7 @@ class Located:
         pose_errors: gives the joint covariance of the errors of the poses, with nodes at some times among others; None
             where they do not come from an IMU.
         height_levels_m: by how much the levels of heights differ that were put on one; standard deviations lack it.
+        separation_off_m: by how much heights may be off with the geoid separations; standard deviations lack it, too.
     """
 
     trajectory: Trajectory
@@ -239,6 +240,7 @@ class Located:
     with_lever: Callable[[tuple[float, float, float]], Trajectory] | None = None
     pose_errors: Callable[[NDArray[np.float64]], PoseErrors] | None = None
     height_levels_m: float = 0.0
+    separation_off_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -256,22 +258,26 @@ def locate(positions: Reader, session: Session, frame: MapFrame, beside: Compani
         InputError: if there is too little to make one.
         RefusedError: if the CRS does not fit the place, or nothing shows the heading.
     """
-
-    def unused_attitude(used: str) -> list[Notice]:
-        return [Notice("attitude-unused", used=used)] if session.attitude is not None else []
-
     if isinstance(positions, GivesPoses) and session.trajectory is not None:
         poses, transformed = transform_poses(track_within(positions.poses(), session.recording.span_s), frame)
-        notices = (*transformed.notices, *unused_attitude("[trajectory]"))
+        notices = (*transformed.notices, *_unused_attitude(session, "[trajectory]"))
         return Located(trajectory_from_poses(poses, frame), "file", {}, notices, transformed=transformed)
     assert isinstance(positions, GivesTrack)
+    recorded = track_within(positions.track(), session.recording.span_s)
+    track, transformed = transform_track(recorded, frame)
+    found = _locate_by_positions(track, transformed, session, frame, beside)
+    return replace(found, separation_off_m=recorded.separation_off_m)
+
+
+def _locate_by_positions(
+    baseline: GnssTrack, transformed: TransformSummary, session: Session, frame: MapFrame, beside: Companions
+) -> Located:
+    """The trajectory from positions on the map, whose headings are those of the baseline between two antennas."""
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
-    track, transformed = transform_track(track_within(positions.track(), session.recording.span_s), frame)
-    baseline = track
-    track = _of_nose(track, session)
+    track = _of_nose(baseline, session)
     if beside.inertial is not None and session.imu is not None:
         near_s = middle_s(track)
-        unused = unused_attitude("[imu]")
+        unused = _unused_attitude(session, "[imu]")
         hints = Hints(session.imu.on_wheels, unasked=int(np.isfinite(track.heading_deg).sum()) > 1)
         if session.imu.heading == "attitude" and beside.attitude is not None:
             hints = replace(hints, heading=_heading_log(session, frame, track, beside.attitude(near_s)[1]))
@@ -298,6 +304,10 @@ def locate(positions: Reader, session: Session, frame: MapFrame, beside: Compani
         with_lever=lambda lever_m: with_lever(lever_m).trajectory,
         height_levels_m=alone.height_levels_m,
     )
+
+
+def _unused_attitude(session: Session, used: str) -> list[Notice]:
+    return [Notice("attitude-unused", used=used)] if session.attitude is not None else []
 
 
 def middle_s(track: GnssTrack) -> float:
@@ -464,7 +474,14 @@ def located_without_lidar(
     course = trajectory_from_course(track, frame, lever_arm_m(session))
     used = {"used": quality_words(track.fix[course.used]), "unused": quality_words(track.fix[~course.used])}
     notices = (Notice("direction-forward"), *transformed.notices, *course.notices)
-    return Located(course.trajectory, "gnss", used, notices, transformed=transformed)
+    return Located(
+        course.trajectory,
+        "gnss",
+        used,
+        notices,
+        transformed=transformed,
+        separation_off_m=track.separation_off_m,
+    )
 
 
 def lever_arm_m(session: Session) -> tuple[float, float, float]:

@@ -1,8 +1,8 @@
 """Positions of a GNSS receiver, as recorded and in the map frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,7 @@ class GnssTrack:
         source: the name of the file or topic, for messages.
         service: correction service, if the file shows it: "rtk", "clas", "madoca", "ppp", "ppp-rtk", "sbas"; "" if
             unknown.
+        separation_off_m: by how much the stated geoid separations are off those of a model, where that is too much.
     """
 
     t_s: NDArray[np.float64]
@@ -98,6 +99,7 @@ class GnssTrack:
     age_s: NDArray[np.float64]
     source: str = ""
     service: str = ""
+    separation_off_m: float = 0.0
 
     def __post_init__(self) -> None:
         check_columns(self)
@@ -108,7 +110,7 @@ class GnssTrack:
     @classmethod
     def columns(cls) -> tuple[str, ...]:
         """Names of the array attributes."""
-        return tuple(name for name in cls.__dataclass_fields__ if name not in ("source", "service"))
+        return tuple(name for name in cls.__dataclass_fields__ if name not in ("source", "service", "separation_off_m"))
 
     @classmethod
     def build(
@@ -121,15 +123,15 @@ class GnssTrack:
             "satellites": np.full(n, -1),
         }
         stated = columns | {"t_s": t_s}
-        whole = {name: np.asarray(stated.get(name, values)) for name, values in unknown.items()}
+        whole: dict[str, Any] = {name: np.asarray(stated.get(name, values)) for name, values in unknown.items()}
         for name, kind in {"t_s": np.float64, "fix": np.int8, "satellites": np.int16}.items():
             whole[name] = whole[name].astype(kind)
         return cls(source=source, service=service, **whole)
 
     def __getitem__(self, index: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Self:
         """The track of some of its epochs."""
-        columns = {name: getattr(self, name)[index] for name in self.columns()}
-        return type(self)(**columns, source=self.source, service=self.service)
+        columns: dict[str, Any] = {name: getattr(self, name)[index] for name in self.columns()}
+        return replace(self, **columns)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from furrowmap.cli.main import _in_three_lines, command_line
-from furrowmap.core.pipeline.live import warm_up
+from furrowmap.core.live.session import warm_up
 from furrowmap.core.runtime.errors import FurrowmapError
 from tests.app.writers import WRITERS
 from tests.fuzz_sessions.trials import load

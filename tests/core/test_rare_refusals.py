@@ -35,7 +35,7 @@ from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.runtime.options import Option
 from furrowmap.core.session.file import parse_session
-from furrowmap.core.trajectory.inertial_checks import check_mounting
+from furrowmap.core.trajectory.inertial_checks import TurnedMounting, turned_mounting
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 from furrowmap.core.work.external_states import external_states
@@ -269,11 +269,11 @@ def test_options__of_classes(text: str) -> None:
 def test_an_imu__by_which_a_standing_vehicle_is_not_upright(roll_deg: float, pitch_deg: float) -> None:
     t_s, mounting = np.arange(0.0, 10.0), Mounting((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
-    def checked(roll: float, pitch: float) -> list[object]:
+    def checked(roll: float, pitch: float) -> TurnedMounting | None:
         still = trajectory_from_attitude(t_s, np.zeros((10, 3)), roll, pitch, 30.0, max_gap_s=2.0)
-        return [*check_mounting(still, mounting, "imu.csv", on_wheels=True)]
+        return turned_mounting(still, mounting, "imu.csv", on_wheels=True)
 
-    assert checked(10.0, -10.0) == []
+    assert checked(10.0, -10.0) is None
     with pytest.raises(InputError, match="on its side or upside down") as refused:
         checked(roll_deg, pitch_deg)
     assert refused.value.code == "imu-turned"

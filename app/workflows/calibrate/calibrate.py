@@ -11,7 +11,7 @@ import numpy as np
 from furrowmap.core.adjustment.session_match import match_session
 from furrowmap.core.adjustment.strip_adjustment import calibrate_flight
 from furrowmap.core.adjustment.strips import strip_returns
-from furrowmap.core.pipeline.pipeline import companions
+from furrowmap.core.pipeline.solution import companions
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.runtime.progress import Progress, silent

@@ -11,8 +11,8 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_with_heights
 from furrowmap.core.images.frames import Frames, frames_along
-from furrowmap.core.pipeline.pipeline import companions, ground_scale
 from furrowmap.core.pipeline.session_aid import aid_session
+from furrowmap.core.pipeline.solution import companions, ground_scale
 from furrowmap.core.pointclouds.cleaning import clean_points
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline.live import LiveScan, LiveSession, warm_up
-from furrowmap.core.pipeline.live_difference import LIVE_LOG, LOGGED
+from furrowmap.core.live.difference import LIVE_LOG, LOGGED
+from furrowmap.core.live.session import LiveScan, LiveSession, warm_up
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, UsageError
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated

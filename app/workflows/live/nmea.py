@@ -7,7 +7,7 @@ from operator import xor
 import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline.live_poses import MAX_CARRIED_S, LivePose
+from furrowmap.core.live.poses import MAX_CARRIED_S, LivePose
 from furrowmap.core.values.gnss import Fix
 
 

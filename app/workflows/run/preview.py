@@ -9,7 +9,7 @@ import msgspec
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
-from furrowmap.core.pipeline import pipeline
+from furrowmap.core.pipeline import preview as preview_story
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.file_names import resolved
@@ -68,7 +68,7 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
                 land.begin(origin_m)
                 return land.add
 
-            found = pipeline.preview(opened, open_sink, progress)
+            found = preview_story.preview(opened, open_sink, progress)
             progress("writing the preview", 0.0)
             origin = run_origin(found, ())
             begin_s, end_s = found.located.trajectory.span_s

@@ -20,8 +20,8 @@ import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
-from furrowmap.core.pipeline import pipeline
-from furrowmap.core.pipeline.live_difference import live_difference
+from furrowmap.core.live.difference import live_difference
+from furrowmap.core.pipeline.run import run as run_session
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.arrays import release
@@ -137,7 +137,7 @@ def run_opened(
                 return products[0].add
 
             checkpoint = KeptMatching(kept(staging), opened, inputs)
-            found = pipeline.run(opened, open_sink, report, checkpoint)
+            found = run_session(opened, open_sink, report, checkpoint)
             worked_m2 = found.work.ground.figures.worked.grid_m2 if found.work.ground is not None else None
             shown = live_difference(opened.file.parent, found.frame.name, found.placement.poses, worked_m2)
             found = replace(found, live=shown)

@@ -509,7 +509,9 @@ class TaskDataLog(FileReader):
         InputError if there are none, or two tasks overlap in time.
         """
         tasks = self._tasks()
-        columns = {name: np.concatenate([getattr(t.track, name) for t in tasks]) for name in GnssTrack.columns()}
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(t.track, name) for t in tasks]) for name in GnssTrack.columns()
+        }
         off = [_time_sigmas(task.track) for task in tasks]
         sigma_m = np.hypot(assumed_sigma_m(columns["fix"]), np.concatenate([sigma_m for sigma_m, _ in off]))
         columns |= {"sigma_e_m": sigma_m, "sigma_n_m": sigma_m.copy()}
@@ -518,7 +520,7 @@ class TaskDataLog(FileReader):
         self.notices.append(
             Notice("positions-of-terminal", source=source, time_s=worst_s, sigma_m=float(np.median(sigma_m)))
         )
-        return GnssTrack(**columns, source=source, service="")
+        return GnssTrack.build(source=source, **columns)
 
     def states(self) -> ToolStates:
         """Whether the machine worked, over time; errors as of :meth:`track`."""

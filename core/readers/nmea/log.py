@@ -136,21 +136,26 @@ class NmeaLog(PositionLog):
         return replace(positions, facts=facts, scale="UTC from its sentences")
 
 
-def _note_separation(positions: Sentences, notices: list[Notice], name: str) -> None:
-    """A notice where the geoid separations are none: zero all the time, or far from a model of the geoid."""
+def _separation_off_m(positions: Sentences, notices: list[Notice], name: str) -> float:
+    """By how much the geoid separations are off a model of the geoid, with a notice where that is too much; else 0.
+
+    They are off where they are zero all the time, or those of another place.
+    """
     columns = [positions.column(Kind.GGA, column) for column in ("lon_deg", "lat_deg", "separation_m")]
     stated = np.isfinite(columns).all(axis=0) & (positions.talker != b"PU")  # heights of PUBX are ellipsoidal
     lon_deg, lat_deg, stated_m = np.array(columns)[:, stated]
     if not len(stated_m):
-        return
+        return 0.0
     middle = len(stated_m) // 2
     model_m = coarse_geoid_m(float(lon_deg[middle]), float(lat_deg[middle]))
     median_m = float(np.median(stated_m))
     # A receiver that knows the separation states it to a millimetre or a decimetre: it is hardly ever zero.
     sigmas = ZERO_SIGMAS if not stated_m.any() else WRONG_SIGMAS
     off_m = abs(median_m - model_m)
-    if off_m > sigmas * GEOID_SIGMA_M:
-        notices.append(Notice("geoid-separation", name=name, stated_m=median_m, model_m=model_m, off_m=off_m))
+    if off_m <= sigmas * GEOID_SIGMA_M:
+        return 0.0
+    notices.append(Notice("geoid-separation", name=name, stated_m=median_m, model_m=model_m, off_m=off_m))
+    return off_m
 
 
 def _by(counts: SentenceCounts, part: Callable[[str], str]) -> dict[str, int]:
@@ -191,7 +196,7 @@ def assemble(
     if not len(positions):
         fault = InputError("no-positions.no-positions", name=name, all_gga=len(all_gga) or None)
         return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts, notices=tuple(notices))
-    _note_separation(positions, notices, name)
+    separation_off_m = _separation_off_m(positions, notices, name)
     belongs = _belongs(sentences, mine, [t for t, count in of_talker.items() if count])
     log = sentences if belongs.all() else sentences[belongs]
     t_s, dated = _times(positions, log, notices, name, stated_s, near_s)
@@ -209,7 +214,8 @@ def assemble(
     if len(found.track) and not np.isfinite(found.track.height_m).any():
         stated = bool(np.isfinite(positions.column(Kind.GGA, "altitude_m")).any())
         notices.append(Notice("no-ellipsoidal-height", name=name, is_altitude=stated))
-    return replace(found, facts=facts, notices=tuple(notices))
+    track = replace(found.track, separation_off_m=separation_off_m)
+    return replace(found, track=track, facts=facts, notices=tuple(notices))
 
 
 def _has_position(gga: Sentences) -> NDArray[np.bool_]:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.geodesy.longitudes import signed_deg
 from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_track
 from furrowmap.core.readers.nmea.log import assemble
 from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, are_unchecked, scan_bytes
@@ -305,6 +306,7 @@ class FixLog(_RowLog):
         height = float(content.altitude)
         if abs(lat) > 90.0 or abs(lon) > 360.0:
             raise Damage(f"latitude {lat:g} or longitude {lon:g} is out of range")
+        lon = float(signed_deg(np.array([lon]))[0])
         sigma = np.full(3, np.nan)
         if hasattr(content, "health"):
             fix = Fix.SINGLE if content.health else Fix.NONE

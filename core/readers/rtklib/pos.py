@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.geodesy.longitudes import signed_deg
 from furrowmap.core.readers.csv_file import COMPARED_LINES, is_whole
 from furrowmap.core.readers.epochs import midnights_utc_s
 from furrowmap.core.readers.messages import MESSAGE_CHUNK_BYTES
@@ -285,7 +286,7 @@ def _columns(
     satellites = np.where((values[:, 4] >= 1) & (values[:, 4] <= 999), values[:, 4], -1)
     return {
         "t_s": _utc_s(time, header.time),
-        "lon_deg": lon,
+        "lon_deg": signed_deg(lon),
         "lat_deg": lat,
         "height_m": height,
         "fix": np.array([POS_FIXES.get(q, Fix.NONE) for q in range(8)], np.int8)[quality],

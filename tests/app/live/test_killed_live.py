@@ -17,7 +17,7 @@ import msgspec
 import pytest
 
 import furrowmap
-from furrowmap.core.pipeline.live_difference import LIVE_LOG, LOGGED
+from furrowmap.core.live.difference import LIVE_LOG, LOGGED
 from furrowmap.core.simulator.scenario import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
 from tests.app.test_killed import KILLS, Mortal

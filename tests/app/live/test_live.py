@@ -22,7 +22,7 @@ import pytest
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.pipeline.live_poses import LivePose
+from furrowmap.core.live.poses import LivePose
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.session.opened import open_session

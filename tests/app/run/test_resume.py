@@ -17,8 +17,8 @@ from pandas.testing import assert_frame_equal
 
 import furrowmap
 from furrowmap.core.adjustment import session_match
-from furrowmap.core.pipeline import pipeline
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.trajectory.located import locate
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.lease import leases
 from furrowmap.workflows.run.run import KeptMatching
@@ -90,7 +90,7 @@ def test_kept_matching__is_that_of_the_same_session_and_recordings_only(
     simulated: furrowmap.Simulated, result: furrowmap.Result, tmp_path: Path
 ) -> None:
     opened, inputs = open_session(Path(simulated.session)), [FileRecord("a", 1, "00")]
-    trajectory = pipeline.locate(opened.positions(), opened.session, opened.frame).trajectory
+    trajectory = locate(opened.positions(), opened.session, opened.frame).trajectory
     kept = KeptMatching(tmp_path / "kept", opened, inputs)
     assert kept.load() is None
     kept.save(session_match.MatchedSession(trajectory, (), None))

@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 
 from furrowmap.core.images.frames import Frames
-from furrowmap.core.pipeline import pipeline
+from furrowmap.core.pipeline import place
+from furrowmap.core.pipeline.solution import FirstGuess
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.core.values.session import CameraSource
+from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 from furrowmap.exporters.cloud.layers import ChunkColumns
 from furrowmap.workflows.run.colours import RunColours
 from tests.core.images.scenes import cloud, frames_above, texture
@@ -76,13 +79,19 @@ def test_run__without_any_colour_says_so(tmp_path: Path) -> None:
     assert [notice.code for notice in notices] == ["nothing-coloured"]
 
 
+def nowhere() -> tuple[Trajectory, FirstGuess]:
+    """A trajectory of one pose, and the guess that it is of."""
+    trajectory = trajectory_from_attitude(np.zeros(1), np.zeros((1, 3)), 0.0, 0.0, 0.0, max_gap_s=1.0)
+    return trajectory, FirstGuess(Located(trajectory, "imu", {}, ()), None, ())
+
+
 def test_run__without_pillow_goes_on(monkeypatch: pytest.MonkeyPatch, shared_data: Path) -> None:
     from furrowmap.core.session.opened import open_session
 
     opened: OpenSession = open_session(shared_data / "uav_wheat" / "session.toml")
-    monkeypatch.setattr(pipeline, "find_spec", lambda _: None)
-    notices: list[Notice] = []
-    assert pipeline._camera_frames(opened, None, None, notices) is None  # type: ignore[arg-type]
+    monkeypatch.setattr(place, "find_spec", lambda _: None)
+    frames, notices = place.camera_frames(opened, *nowhere())
+    assert frames is None
     assert [notice.code for notice in notices] == ["images-unused"]
 
 
@@ -91,6 +100,6 @@ def test_run__without_intrinsics_goes_on(shared_data: Path) -> None:
 
     opened = open_session(shared_data / "uav_wheat" / "session.toml")
     bare = replace(opened, session=msgspec.structs.replace(opened.session, camera=CameraSource(table="images.csv")))
-    notices: list[Notice] = []
-    assert pipeline._camera_frames(bare, None, None, notices) is None  # type: ignore[arg-type]
+    frames, notices = place.camera_frames(bare, *nowhere())
+    assert frames is None
     assert ["no intrinsics" in notice.text for notice in notices] == [True]

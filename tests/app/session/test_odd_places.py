@@ -13,7 +13,7 @@ import pytest
 import furrowmap
 from furrowmap import InputError
 from furrowmap.cli.main import attempt
-from furrowmap.core.pipeline.live_difference import LIVE_LOG, live_difference
+from furrowmap.core.live.difference import LIVE_LOG, live_difference
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.spinning.model import AngleTable
 from furrowmap.core.readers.text_table import read_table

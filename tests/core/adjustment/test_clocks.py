@@ -18,7 +18,7 @@ from furrowmap.core.adjustment.session_match import match_session
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.matching.placing import Sensor
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.pipeline.pipeline import run
+from furrowmap.core.pipeline.run import run
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.runtime.errors import InputError

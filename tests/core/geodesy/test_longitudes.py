@@ -12,6 +12,7 @@ from furrowmap.core.geodesy.longitudes import (
     cut_at_antimeridian,
     middle_deg,
     principal_deg,
+    signed_deg,
     unwrapped_deg,
     west_east_deg,
 )
@@ -74,3 +75,15 @@ def test_cut__shapes_of_rfc_7946_with_the_same_area(beyond: bool) -> None:
     assert way.geom_type == "MultiLineString"
     assert (nothing, same) == (None, elsewhere)
     assert (point.x, point.z) == (-179.75, 7.0)
+
+
+@given(st.floats(-180.0, 180.0), st.sampled_from([-360.0, 0.0, 360.0]))
+def test_signed_deg__is_the_same_place(lon_deg: float, turn_deg: float) -> None:
+    there = lon_deg + turn_deg
+    found = float(signed_deg(np.array([there]))[0])
+    if abs(there) > 360.0:
+        assert found == there
+    else:
+        assert abs(found) <= 180.0
+        assert abs(np.remainder(found - lon_deg + 180.0, 360.0) - 180.0) < 1e-9
+    assert np.isnan(signed_deg(np.array([np.nan]))).all()

@@ -12,7 +12,7 @@ from scipy.ndimage import map_coordinates
 from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, decode_frames
 from furrowmap.core.images.frames import frames_along
 from furrowmap.core.images.projection import inside, project
-from furrowmap.core.pipeline.pipeline import ground_scale
+from furrowmap.core.pipeline.solution import ground_scale
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 

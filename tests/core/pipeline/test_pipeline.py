@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline.pipeline import run
+from furrowmap.core.pipeline.run import run
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import Cancelled, InputError

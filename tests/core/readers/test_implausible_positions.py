@@ -262,14 +262,6 @@ def test_drop_implausible_positions__up_to_half_of_the_positions_may_be_elsewher
         drop_implausible_positions(track)
 
 
-@pytest.mark.parametrize("lon_deg", [180.0, 180.5, 263.25, 359.9, 360.0])
-def test_drop_implausible_positions__longitudes_to_360_degrees_are_in_the_west(lon_deg: float) -> None:
-    track = GnssTrack.build(np.arange(10.0), lon_deg=np.full(10, lon_deg), lat_deg=np.full(10, 44.5), source="log")
-    kept, _, notices = drop_implausible_positions(track)
-    assert notices == []
-    np.testing.assert_allclose(kept.lon_deg, lon_deg if lon_deg <= 180.0 else lon_deg - 360.0, atol=1e-12)
-
-
 def test_rtklib_pos__longitudes_to_360_degrees_are_in_the_west(tmp_path: Path) -> None:
     places = [(263.25 + 1e-5 * k, 44.5, 210.0) for k in range(20)]
     header = "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns"

@@ -142,7 +142,7 @@ def test_headings_across_north__are_interpolated_the_short_way() -> None:
 
 def test_sample__has_no_error_of_north(shared_data: Path) -> None:
     """`uav_wheat`: roll and pitch to 0.35° of one log, heading to 0.8° of the other, as its README says."""
-    from furrowmap.core.pipeline.pipeline import companions
+    from furrowmap.core.pipeline.solution import companions
     from furrowmap.core.session.opened import open_session
     from furrowmap.core.trajectory.located import locate
 

@@ -17,7 +17,7 @@ from furrowmap.core.readers.inertial_rows import imu_notices, without_frozen
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
-from furrowmap.core.trajectory.inertial_checks import check_mounting
+from furrowmap.core.trajectory.inertial_checks import turned_mounting
 from furrowmap.core.trajectory.inertial_start import MountedImu
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.rotation import Mounting
@@ -145,8 +145,8 @@ def test_yaw_off_by_quarters__is_named_with_the_right_one(yaw_deg: float) -> Non
 
 @pytest.mark.parametrize(("off_deg", "on_wheels", "told"), [(90, False, False), (90, True, True), (0, True, False)])
 def test_drone_that_flies_sideways__is_not_taken_for_turned(off_deg: float, on_wheels: bool, told: bool) -> None:
-    notices = check_mounting(driven(off_deg, lasts_s=30.0), MOUNTING, "imu.csv", on_wheels=on_wheels)
-    assert ([notice.code for notice in notices] == ["imu-turned"]) == told
+    found = turned_mounting(driven(off_deg, lasts_s=30.0), MOUNTING, "imu.csv", on_wheels=on_wheels)
+    assert (found is not None) == told
 
 
 def driven(
@@ -178,9 +178,11 @@ def driven(
 def test_turned_imu__is_told_after_five_seconds_above_half_a_metre_a_second(
     nose_deg: float, motion: dict[str, float], told: bool
 ) -> None:
-    notices = check_mounting(driven(nose_deg, **motion), MOUNTING, "imu.csv", on_wheels=True)
-    assert [notice.code for notice in notices] == ["imu-turned"] * told
-    for notice in notices:
+    found = turned_mounting(driven(nose_deg, **motion), MOUNTING, "imu.csv", on_wheels=True)
+    assert (found is not None) == told
+    if found is not None:
+        assert found.yaw_deg == pytest.approx(abs(nose_deg))
+        notice = found.notice("imu.csv")
         assert f"moves at {abs(nose_deg):.0f}° to its own x axis" in notice.text
         right = Rotation.from_euler("z", -nose_deg, degrees=True).as_matrix() @ MOUNTING.rotation
         angles = [float(word) for word in notice.text.partition("`rpy_deg = [")[2].partition("]")[0].split(",")]
@@ -191,16 +193,16 @@ def test_turned_imu__is_told_after_five_seconds_above_half_a_metre_a_second(
 @pytest.mark.parametrize(("off_deg", "told"), [(0.0, True), (24.0, True), (26.0, False), (-24.0, True), (-26.0, False)])
 @pytest.mark.parametrize("quarter_deg", [90.0, 180.0])
 def test_turned_imu__is_within_25_degrees_of_a_quarter_turn(quarter_deg: float, off_deg: float, told: bool) -> None:
-    notices = check_mounting(driven(quarter_deg + off_deg), MOUNTING, "imu.csv", on_wheels=True)
-    assert bool(notices) is told
-    assert check_mounting(driven(off_deg), MOUNTING, "imu.csv", on_wheels=True) == []
+    found = turned_mounting(driven(quarter_deg + off_deg), MOUNTING, "imu.csv", on_wheels=True)
+    assert (found is not None) is told
+    assert turned_mounting(driven(off_deg), MOUNTING, "imu.csv", on_wheels=True) is None
 
 
 @pytest.mark.parametrize(("turn_deg", "told"), [(86.0, False), (94.0, True)])
 def test_drone__is_told_where_its_course_turns_by_a_right_angle(turn_deg: float, told: bool) -> None:
     """The mean of the course over an arc by θ has the length 2 sin(θ/2) / θ, 0.9 at 90°."""
-    notices = check_mounting(driven(90.0, turn_deg=turn_deg), MOUNTING, "imu.csv", on_wheels=False)
-    assert bool(notices) is told
+    found = turned_mounting(driven(90.0, turn_deg=turn_deg), MOUNTING, "imu.csv", on_wheels=False)
+    assert (found is not None) is told
 
 
 @pytest.mark.parametrize("lasts_s", [3.0, 20.0])
@@ -208,10 +210,10 @@ def test_drone__is_told_where_its_course_turns_by_a_right_angle(turn_deg: float,
 def test_tilt__is_judged_with_and_without_a_course(lasts_s: float, roll_deg: float, upright: bool) -> None:
     trajectory = driven(0.0, lasts_s=lasts_s, roll_deg=roll_deg)
     if upright:
-        assert check_mounting(trajectory, MOUNTING, "imu.csv", on_wheels=True) == []
+        assert turned_mounting(trajectory, MOUNTING, "imu.csv", on_wheels=True) is None
         return
     with pytest.raises(InputError, match="on its side or upside down") as caught:
-        check_mounting(trajectory, MOUNTING, "imu.csv", on_wheels=True)
+        turned_mounting(trajectory, MOUNTING, "imu.csv", on_wheels=True)
     assert ("its yaw does not show" in caught.value.remedy) == (lasts_s < 5.0)
 
 

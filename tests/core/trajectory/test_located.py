@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from furrowmap.core.pipeline.pipeline import companions
+from furrowmap.core.pipeline.solution import companions
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import Companions, Located, locate

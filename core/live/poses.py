@@ -163,7 +163,7 @@ class LivePoses:
         if old is not None:
             old = old[old.t_s < new.t_s[0]]
             columns = {name: np.concatenate([getattr(old, name), getattr(new, name)]) for name in GnssTrack.columns()}
-            new = GnssTrack(**columns, source=new.source, service=new.service)
+            new = GnssTrack.build(source=new.source, service=new.service, **columns)
         self._track = new[new.t_s > new.t_s[-1] - PATH_S]
 
     def add_scan(self, scan: Scan) -> LivePose | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.pipeline.live_poses import LivePose, LivePoses
+from furrowmap.core.live.poses import LivePose, LivePoses
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.pipeline.live_difference import LIVE_LOG, LiveDifference, live_difference
+from furrowmap.core.live.difference import LIVE_LOG, LiveDifference, live_difference
 from furrowmap.core.values.trajectory import ScanPoses
 
 from ..conftest import Recording

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
+from furrowmap.core.live.poses import MAX_BRIDGED_S, MAX_CARRIED_S, LivePose, LivePoses
 from furrowmap.core.matching.returns import LEARN_SCANS
-from furrowmap.core.pipeline.live_poses import MAX_BRIDGED_S, MAX_CARRIED_S, LivePose, LivePoses
 from furrowmap.core.readers.arrived_positions import Kind, log_kind
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError

@@ -1,0 +1,202 @@
+"""From a solution and the scans to points in the sink, the implement and the ground worked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pipeline.field_files import FieldFiles, boundary_notices
+from furrowmap.core.pipeline.notices import placement_notices, position_notices, refuse_empty, session_notices
+from furrowmap.core.pipeline.run_result import RunResult
+from furrowmap.core.pipeline.scanners import (
+    FurtherRecording,
+    classifiers,
+    further_notices,
+    further_recordings,
+    together,
+)
+from furrowmap.core.pipeline.solution import FirstGuess, Solution, StopWatch, ground_scale, run_result
+from furrowmap.core.pointclouds.placed import PLACED_AHEAD, PlacedScan, Placement, Placer, place_scans
+from furrowmap.core.readers.areas.area import nothing_within
+from furrowmap.core.runtime.background import SCANS_AHEAD, ahead, behind
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.session.opened import OpenSession, watched
+from furrowmap.core.values.images import CONTRADICTING
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.work.boundary import ground_to_map
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.machine import MachineVoxels
+
+if TYPE_CHECKING:
+    from furrowmap.core.images.frames import Frames
+
+
+class OpenSink(Protocol):
+    """Opens what takes the points of a run: a function of each scan's points, as they are placed."""
+
+    def __call__(
+        self, frame: MapFrame, origin_m: tuple[float, float, float], frames: Frames | None
+    ) -> Callable[[PlacedScan], None]:
+        """The sink, before the first scan.
+
+        Args:
+            origin_m: local origin of the points' coordinates.
+            frames: of the camera, where the session has one and some frames have a pose.
+        """
+        ...
+
+
+def place(
+    opened: OpenSession,
+    solution: Solution,
+    guess: FirstGuess,
+    files: FieldFiles,
+    about_positions: Sequence[Notice],
+    open_sink: OpenSink,
+    watch: StopWatch,
+    progress: Progress,
+) -> RunResult:
+    """Place every point and hand it to the sink; find the implement and the ground worked.
+
+    Args:
+        about_positions: notices of their reader.
+
+    Raises:
+        FurrowmapError: if no point has a place on the ground to map.
+    """
+    machine = solution.implement.learn(solution.located.trajectory)
+    watch.lap("implement")
+    further = _further_scanners(opened, solution, progress)
+    if further:
+        watch.lap("scanners")
+    frames, camera_notices = camera_frames(opened, solution.located.trajectory, guess)
+    sink = open_sink(opened.frame, solution.placer().origin_m, frames)
+    placement = _place_all(opened, solution, machine, further, sink, progress)
+    watch.lap("placing")
+    refuse_empty(placement, solution.located.trajectory, opened.session)
+    work = _work(opened, solution, further, files)
+    field_notices = _field_notices(opened, work, solution)
+    watch.lap("work")
+    notices = [
+        *about_positions,
+        *solution.located.notices,
+        *solution.lidar.notices,
+        *solution.mount_notices,
+        *guess.notices,
+        *camera_notices,
+        *session_notices(opened.session, solution.located, matched=solution.matched is not None),
+        *position_notices(placement, solution.located),
+        *placement_notices(placement),
+        *files.field_notices,
+        *field_notices,
+        *files.state_notices,
+        *work.notices,
+        *further_notices(opened, further),
+        *solution.mounting_notices,
+    ]
+    found = run_result(opened, solution.located, placement, work, solution.lidar.clocks, notices, watch)
+    names = [lidar.name for lidar in opened.session.further_lidars]
+    return replace(
+        found,
+        matched=solution.matched,
+        image_aid=guess.aid,
+        further_scanners={name: one.found for name, one in zip(names, further, strict=True)},
+        **vars(solution.flight),
+    )
+
+
+def _further_scanners(opened: OpenSession, solution: Solution, progress: Progress) -> list[FurtherRecording]:
+    """The session's scanners but the first one, calibrated against it."""
+    trajectory = solution.located.trajectory
+    return further_recordings(
+        opened, solution.lidar, solution.mounting, solution.matched, trajectory, solution.implement, progress
+    )
+
+
+def _place_all(
+    opened: OpenSession,
+    solution: Solution,
+    machine: MachineVoxels | None,
+    further: Sequence[FurtherRecording],
+    sink: Callable[[PlacedScan], None],
+    progress: Progress,
+) -> Placement:
+    """Place the scans of all scanners, without the errors of their lasers."""
+    corrected = solution.lidar.scans()
+    if solution.matched is not None and solution.matched.ranges is not None:
+        corrected = map(solution.matched.ranges.corrected, corrected)
+    moving = ahead(solution.implement.following(corrected), SCANS_AHEAD)
+    scans = together(watched(moving, solution.lidar, progress, "placing points"), further)
+    placer = solution.placer()
+    placers = [placer, *(replace(placer, mounting=one.found.mounting) for one in further)]
+    with behind(sink, PLACED_AHEAD) as add:
+        return _place(opened, scans, placers, add, classifiers(machine, further))
+
+
+def _place(
+    opened: OpenSession,
+    scans: Iterator[Scan],
+    placers: Sequence[Placer],
+    sink: Callable[[PlacedScan], None],
+    classify: Sequence[Callable[[Scan], NDArray[np.uint8]]],
+) -> Placement:
+    """Place the scans and hand on the points that lie on the ground to map; placers and classes are of each scanner."""
+    file = opened.inputs.within
+    area = ground_to_map(file, opened.frame) if file is not None else None
+    standing = opened.session.run.standing
+    placement = place_scans(
+        scans,
+        placers[0],
+        standing=standing,
+        sink=sink,
+        classify=lambda scan: classify[scan.scanner](scan),
+        within=area,
+        further=placers[1:],
+    )
+    if area is not None and not placement.points and placement.points_elsewhere:
+        east_m, north_m = np.median(placement.poses.xyz_m[:, :2], axis=0).tolist()
+        raise nothing_within(area, f"{placement.points_elsewhere:,} points", (east_m, north_m))
+    return placement
+
+
+def _work(opened: OpenSession, solution: Solution, further: Sequence[FurtherRecording], files: FieldFiles) -> FieldWork:
+    """The states of the implement and the ground worked, by the first scanner that shows it."""
+    shown = ((k, one.implement) for k, one in enumerate(further, start=1) if one.implement is not None)
+    number, tracker = next(shown, (0, solution.implement))
+    work = tracker.work(solution.located.trajectory, opened.frame, files.boundary, list(files.states))
+    return replace(work, scanner=number)
+
+
+def _field_notices(opened: OpenSession, work: FieldWork, solution: Solution) -> list[Notice]:
+    """Whether the ground worked lies in the field, and what was decided about the ground to map."""
+    notices = boundary_notices(work, solution.located.trajectory)
+    if opened.inputs.within is not None:
+        notices += ground_to_map(opened.inputs.within, opened.frame).notices
+    return notices
+
+
+def camera_frames(opened: OpenSession, trajectory: Trajectory, guess: FirstGuess) -> tuple[Frames | None, list[Notice]]:
+    """The frames that have a pose, with the camera as they show it, else as stated; and notices about them."""
+    camera = opened.session.camera
+    if camera is None or any(notice.code == CONTRADICTING for notice in guess.notices):
+        return None, []
+    if not camera.is_known:
+        return None, [Notice("images-unused.intrinsics")]
+    if find_spec("PIL") is None:
+        return None, [Notice("images-unused")]
+    notices: list[Notice] = []
+    images = opened.images(notices)
+    if not images:
+        return None, notices
+    from furrowmap.core.images.frames import frames_along
+
+    used = guess.aid.camera if guess.aid is not None else opened.camera()
+    return frames_along(images, used, trajectory, ground_scale(opened.frame, trajectory), notices), notices
