@@ -59,7 +59,7 @@ def run(
     with console.work() as progress:
         if preview:
             folder = output or resolved(session).parent / f"{session.stem}_preview"
-            report = furrowmap.preview(session, folder, progress=progress)
+            report = furrowmap.preview(session, folder, within=within, progress=progress)
         else:
             result = furrowmap.run(session, output, within=within, **options, progress=progress)
             folder = result.path

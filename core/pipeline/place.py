@@ -138,20 +138,22 @@ def _place_all(
     placer = solution.placer()
     placers = [placer, *(replace(placer, mounting=one.found.mounting) for one in further)]
     with behind(sink, PLACED_AHEAD) as add:
-        return _place(opened, scans, placers, add, classifiers(machine, further))
+        standing = opened.session.run.standing
+        return place_within(opened, scans, placers, add, classifiers(machine, further), standing=standing)
 
 
-def _place(
+def place_within(
     opened: OpenSession,
     scans: Iterator[Scan],
     placers: Sequence[Placer],
     sink: Callable[[PlacedScan], None],
     classify: Sequence[Callable[[Scan], NDArray[np.uint8]]],
+    *,
+    standing: bool,
 ) -> Placement:
     """Place the scans and hand on the points that lie on the ground to map; placers and classes are of each scanner."""
     file = opened.inputs.within
     area = ground_to_map(file, opened.frame) if file is not None else None
-    standing = opened.session.run.standing
     placement = place_scans(
         scans,
         placers[0],

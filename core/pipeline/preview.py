@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.pipeline.notices import refuse_empty, session_notices
-from furrowmap.core.pipeline.place import OpenSink
+from furrowmap.core.pipeline.place import OpenSink, place_within
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pipeline.solution import StopWatch, companions, placer_of, run_result, without_unstated_accuracy
-from furrowmap.core.pointclouds.placed import Placement, place_scans
+from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession, watched
 from furrowmap.core.trajectory.located import locate, located_without_lidar
@@ -53,7 +53,7 @@ def preview(opened: OpenSession, open_sink: OpenSink, progress: Progress = silen
         placer = placer_of(located, session.lidar.mounting, carrier)
         sink = open_sink(opened.frame, placer.origin_m, None)
         scans = watched(preview_scans(lidar.scans(), period_s), lidar, progress, "looking at scans")
-        placement = place_scans(scans, placer, standing=True, sink=sink, classify=classifier(None))
+        placement = place_within(opened, scans, [placer], sink, [classifier(None)], standing=True)
         refuse_empty(placement, located.trajectory, session)
         clocks = lidar.clocks
         assumed = [*lidar.notices, *mount_notices, *session_notices(session, located, matched=False)]

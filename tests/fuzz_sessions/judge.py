@@ -166,8 +166,10 @@ def products(before: Listing, after: Listing) -> Iterator[tuple[str, str]]:
 
 def opened(place: Place, names: Sequence[str], line: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Files outside that were opened; the aim of links may be, by a command that was given the link."""
+    aim = os.path.realpath(place.outside / "linked")
+    is_given = line[0] in NAMES_FILES or any(os.path.realpath(word) == aim for word in line)
     for name in sorted(set(names)):
-        if not (name == "linked" and line[0] in NAMES_FILES):
+        if not (name == "linked" and is_given):
             yield "opened", f"{place.outside.name}/{name}"
 
 

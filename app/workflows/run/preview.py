@@ -22,6 +22,7 @@ from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.trajectory.motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.trajectory import ScanPoses
+from furrowmap.core.work.boundary import ground_to_map
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.exporters.files.file_records import files_in
 from furrowmap.exporters.files.provenance import Origin
@@ -39,7 +40,13 @@ LOW_RETURNS: Final = Statistic.parse("p10")
 """Percentile of a cell's returns: those of the vehicle, which a preview does not classify, lie above it."""
 
 
-def preview(session: str | Path, out: str | Path | None = None, *, progress: Progress = silent) -> dict[str, Any]:
+def preview(
+    session: str | Path,
+    out: str | Path | None = None,
+    *,
+    within: str | Path | None = None,
+    progress: Progress = silent,
+) -> dict[str, Any]:
     """Preview a session in seconds: the GNSS track and a coarse surface of few scans.
 
     Products of a run in the same folder stay, because no names are shared. Where the session does not state the
@@ -47,6 +54,7 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
 
     Args:
         out: the folder, made if it does not exist; by default SESSION_preview beside the session file.
+        within: a file with polygons, or task data: the surface holds what lies in them; instead of `[field] within`.
 
     Returns:
         The content of `preview.json`.
@@ -57,6 +65,10 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
     file = Path(session)
     folder = Path(out) if out is not None else resolved(file).parent / f"{file.stem}_preview"
     opened = open_session(file)
+    if within is not None:
+        opened = opened.within(Path(within))
+    if opened.inputs.within is not None:
+        ground_to_map(opened.inputs.within, opened.frame)  # an error of the polygons is raised before the work
     with staged_folder(folder) as staging, using_threads(opened.session.run.threads, by_default=True):
         with FieldPoints(staging, PREVIEW_CELL_M) as land:
 
