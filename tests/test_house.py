@@ -306,7 +306,7 @@ def test_house__has_few_rooms_and_no_circle(house: dict[str, Any]) -> None:
     arrows = house["graph"](house["places"]())
     assert set(arrows) == {*ROOMS, "pipeline"}
     assert len(arrows) <= 21
-    assert sum(map(len, arrows.values())) <= 75
+    assert sum(map(len, arrows.values())) <= 82  # live, a room of its own, has seven
     assert house["floors"](arrows)["runtime"] == 0  # raises an error where nodes import each other in a circle
 
 

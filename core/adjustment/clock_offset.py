@@ -26,7 +26,7 @@ from furrowmap.core.adjustment.yaw_ambiguity import (
     sum_of_halves,
     take_into_cell,
 )
-from furrowmap.core.estimation.banded import Solution
+from furrowmap.core.estimation.banded import BandedSolution
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.estimation.positions import AntennaPositions
@@ -319,7 +319,7 @@ def antenna_constants(
     antenna: AntennaPositions,
     coarse: CoarseKnots,
     centre_m: FloatArray,
-    solution: Solution,
+    solution: BandedSolution,
 ) -> AntennaConstants:
     """The constants by the residuals of the positions, all other unknowns eliminated (Schur complement).
 

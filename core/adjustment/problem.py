@@ -14,7 +14,7 @@ from furrowmap.core.adjustment.height_trend import HeightTrend
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, Aid
-from furrowmap.core.estimation.banded import NormalEquations, Solution
+from furrowmap.core.estimation.banded import BandedSolution, NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
 from furrowmap.core.estimation.knots import VEHICLE, Knots, Observation, State, knots_over, start_from
 from furrowmap.core.estimation.positions import AntennaPositions, headings_at_stands
@@ -123,7 +123,7 @@ class Linearised:
     coarse: CoarseKnots
     centre_m: FloatArray
     prior: NormalEquations
-    solution: Solution
+    solution: BandedSolution
     state: State
 
     @cached_property

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from furrowmap.core.adjustment.problem import Iterate, Linearised, Problem
-from furrowmap.core.estimation.banded import NormalEquations, Solution
+from furrowmap.core.estimation.banded import BandedSolution, NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, coarse_right, fine_step
 from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, ROTATION, Knots, State, normal_equations
 from furrowmap.core.estimation.relaxation import Relaxation
@@ -163,7 +163,7 @@ def _solved(problem: Problem, it: Iterate, held: NormalEquations) -> FloatArray:
     return _damped(held, problem.without_position, it.state).values.reshape(len(problem.knots), -1)
 
 
-def _damped(equations: NormalEquations, without_position: NDArray[np.bool_], state: State) -> Solution:
+def _damped(equations: NormalEquations, without_position: NDArray[np.bool_], state: State) -> BandedSolution:
     """The solution; knots of chains without a position are damped first."""
     return equations.solve_damped(np.repeat(without_position, state.layout.size))
 
@@ -212,7 +212,7 @@ def crab_equations(knots: Knots, state: State) -> tuple[FloatArray, float, float
 
 
 def crab_angle_rad(
-    knots: Knots, state: State, coarse: CoarseKnots, centre_m: FloatArray, solution: Solution
+    knots: Knots, state: State, coarse: CoarseKnots, centre_m: FloatArray, solution: BandedSolution
 ) -> tuple[float, float]:
     """The crab angle and its standard deviation, by the solution of the coarse knots' equations.
 

@@ -68,18 +68,18 @@ class NormalEquations:
         out: FloatArray = _dense(self.band.T)
         return out
 
-    def solve(self) -> "Solution":
+    def solve(self) -> "BandedSolution":
         """The solution, which also knows how well it is known. Raises LinAlgError if N is not positive definite."""
         # LAPACK itself, since SciPy's functions look for numbers that are not finite in copies of the whole.
         factor, fault = scipy.linalg.lapack.dpbtrf(arrays.copied(self.band), lower=1, overwrite_ab=1)
         if fault:
             raise np.linalg.LinAlgError(f"the normal matrix is not positive definite in row {fault}")
-        solution = Solution(_back(factor, self.right), factor)
+        solution = BandedSolution(_back(factor, self.right), factor)
         if not np.isfinite(solution.values).all():
             raise np.linalg.LinAlgError("the solution of the normal equations is not finite")
         return solution
 
-    def solve_damped(self, dampable: NDArray[np.bool_]) -> "Solution":
+    def solve_damped(self, dampable: NDArray[np.bool_]) -> "BandedSolution":
         """The solution with the least damping that makes N positive definite (Levenberg 1944); N keeps it.
 
         Args:
@@ -102,7 +102,7 @@ class NormalEquations:
 
 
 @dataclass(frozen=True)
-class Solution:
+class BandedSolution:
     """The solution of normal equations, and their banded Cholesky factor (width, n), lower form."""
 
     values: FloatArray

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
-from furrowmap.core.estimation.banded import Solution
+from furrowmap.core.estimation.banded import BandedSolution
 from furrowmap.core.estimation.inertial import RATE_BIAS, InertialLinks, predicted
 from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, ROTATION, Knots, State
 from furrowmap.core.estimation.positions import AntennaPositions
@@ -131,7 +131,7 @@ def imu_constants(
     links: InertialLinks,
     knots: Knots,
     state: State,
-    solution: Solution,
+    solution: BandedSolution,
     variance_factor: float,
 ) -> tuple[ImuConstants, FloatArray]:
     """The constants by the residuals.

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.estimation.banded import HUBER_SIGMAS, Solution
+from furrowmap.core.estimation.banded import HUBER_SIGMAS, BandedSolution
 from furrowmap.core.estimation.imu_constants import CERTAIN_SIGMAS, SETTLED_SIGMAS, ImuConstants, imu_constants
 from furrowmap.core.estimation.knots import POSE, ROTATION, Observation, State, normal_equations
 from furrowmap.core.estimation.positions import AntennaPositions, GnssDrift
@@ -77,7 +77,7 @@ def fitted(problem: InertialProblem, state: State) -> Fitted:
     return _fit(problem, state, TRIAL_ROUNDS)[0]
 
 
-def _fit(problem: InertialProblem, state: State, rounds: int) -> tuple[Fitted, Solution]:
+def _fit(problem: InertialProblem, state: State, rounds: int) -> tuple[Fitted, BandedSolution]:
     knots = problem.knots
     antenna = AntennaPositions.unweighted(problem.positions, problem.origin_m, problem.lever_m)
     coarser = max(1.0, float(np.median(problem.positions.white_m[:, :2])) / SETTLED_NOISE_M)

@@ -13,7 +13,7 @@ from furrowmap.core.adjustment.problem import Iterate, Problem
 from furrowmap.core.adjustment.solve import solve
 from furrowmap.core.estimation.aiding import AIDED, GYRO_SCALE, InertialAttitudes
 from furrowmap.core.estimation.aiding import MISALIGNMENT as IMU_ASKEW
-from furrowmap.core.estimation.banded import Solution
+from furrowmap.core.estimation.banded import BandedSolution
 from furrowmap.core.estimation.inertial import RATE_BIAS
 from furrowmap.core.estimation.knots import (
     VEHICLE,
@@ -96,7 +96,7 @@ def adjusted(
     layout: StateLayout,
     observations: tuple[Observation, ...],
     outage_s: tuple[float, float],
-) -> tuple[State, Solution]:
+) -> tuple[State, BandedSolution]:
     """Gauss-Newton from a level first guess that is straight in the outage."""
     kept = (truth.t_s < outage_s[0]) | (truth.t_s > outage_s[1])
     heading = 90.0 - np.degrees(yaws_rad(truth)[kept])
