@@ -50,7 +50,7 @@ CASES = {
     "tractor_fishtail": "run {data}/tractor_fishtail/session.toml -o {result}",
     "preview": "run {data}/tractor_loop/session.toml --preview -o {result}",
     "flight": "run {data}/uav_wheat/session.toml -o {result}",
-    "flight_without_images": "run {inputs}/without_images.toml -o {result}",
+    "flight_without_images": "run {inputs}/without_images/session.toml -o {result}",
     "flight_outage": "run {data}/uav_wheat/session_outage.toml -o {result}",
     "flight_degraded": "run {data}/uav_wheat/session_degraded.toml -o {result}",
     "rover": "run {data}/rover_imu/session.toml -o {result}",
@@ -81,9 +81,8 @@ def make_inputs(program: Path) -> None:
     session = (flight / "session.toml").read_text(encoding="utf-8")
     before, _, camera = session.partition("[camera]")
     text = before + camera[camera.index("[parcels]") :]
-    for name in ("recording.pcap.gz", "gnss.nmea", "imu.csv", "parcels.geojson", "treatments.csv"):
-        text = text.replace(f'"{name}"', f'"{(flight / name).as_posix()}"')
-    (made / "without_images.toml").write_text(text, encoding="utf-8")
+    copy = shutil.copytree(flight, made / "without_images", ignore=shutil.ignore_patterns("images", "*.jpg"))
+    (Path(copy) / "session.toml").write_text(text, encoding="utf-8")
     for name in ("tractor_loop", "tractor_fishtail"):
         shutil.copytree(SAMPLES / name, made / "season" / name)
     made.rename(INPUTS)
