@@ -82,7 +82,7 @@ def first_guess(
     survey = partial(_read_survey, opened)
     if session.camera is None or not session.camera.aid:
         with beside(survey, progress) as scans:
-            guess = aided_by_images(opened, located(), progress)
+            guess = aided_by_images(opened, located(), positions, progress)
             watch.lap("images")
     else:
         from furrowmap.core.pipeline.session_aid import features_ahead
@@ -91,7 +91,7 @@ def first_guess(
         with beside(partial(features_ahead, opened), progress) as features:
             found = located()
         with beside(survey, progress) as scans:
-            guess = aided_by_images(opened, found, progress, features.result())
+            guess = aided_by_images(opened, found, positions, progress, features.result())
             watch.lap("images")
     return guess, scans.result()
 
@@ -126,6 +126,7 @@ def solve(opened: OpenSession, guess: FirstGuess, survey: FlightScans) -> Soluti
         carrier, mount_notices = _carrier_trajectory(opened, located, flown.strip_adjustment)
     notices = [*_boresight_notices(flown.boresight, session.lidar.mounting, located), *doubts]
     return Solution(
+        guess,
         located,
         survey.lidar.ahead_by(-flown.clock_used_s),
         _mounting(session, flown.boresight),

@@ -57,17 +57,12 @@ class OpenSink(Protocol):
 def place(
     opened: OpenSession,
     solution: Solution,
-    guess: FirstGuess,
     files: FieldFiles,
-    about_positions: Sequence[Notice],
     open_sink: OpenSink,
     watch: StopWatch,
     progress: Progress,
 ) -> RunResult:
     """Place every point and hand it to the sink; find the implement and the ground worked.
-
-    Args:
-        about_positions: notices of their reader.
 
     Raises:
         FurrowmapError: if no point has a place on the ground to map.
@@ -77,40 +72,46 @@ def place(
     further = _further_scanners(opened, solution, progress)
     if further:
         watch.lap("scanners")
-    frames, camera_notices = camera_frames(opened, solution.located.trajectory, guess)
+    frames, about_frames = camera_frames(opened, solution.located.trajectory, solution.guess)
     sink = open_sink(opened.frame, solution.placer().origin_m, frames)
     placement = _place_all(opened, solution, machine, further, sink, progress)
     watch.lap("placing")
     refuse_empty(placement, solution.located.trajectory, opened.session)
     work = _work(opened, solution, further, files)
-    field_notices = _field_notices(opened, work, solution)
+    found = [*about_frames, *_notices(opened, solution, files, placement, work), *further_notices(opened, further)]
     watch.lap("work")
-    notices = [
-        *about_positions,
-        *solution.located.notices,
-        *solution.lidar.notices,
-        *solution.mount_notices,
-        *guess.notices,
-        *camera_notices,
+    notices = [*_notices_before(solution), *found, *solution.mounting_notices]
+    result = run_result(opened, solution.located, placement, work, solution.lidar.clocks, notices, watch)
+    names = (lidar.name for lidar in opened.session.further_lidars)
+    return replace(
+        result,
+        matched=solution.matched,
+        image_aid=solution.guess.aid,
+        further_scanners={name: one.found for name, one in zip(names, further, strict=True)},
+        **vars(solution.flight),
+    )
+
+
+def _notices_before(solution: Solution) -> tuple[Notice, ...]:
+    """What positions, scans, mount and images show, in the order of the work; complete once all scans were read."""
+    guess = solution.guess
+    of_scans = (*solution.lidar.notices, *solution.mount_notices)
+    return (*guess.position_notices, *solution.located.notices, *of_scans, *guess.image_notices)
+
+
+def _notices(
+    opened: OpenSession, solution: Solution, files: FieldFiles, placement: Placement, work: FieldWork
+) -> list[Notice]:
+    """What the session leaves out, and what the points, the field and the work show."""
+    return [
         *session_notices(opened.session, solution.located, matched=solution.matched is not None),
         *position_notices(placement, solution.located),
         *placement_notices(placement),
         *files.field_notices,
-        *field_notices,
+        *_field_notices(opened, work, solution),
         *files.state_notices,
         *work.notices,
-        *further_notices(opened, further),
-        *solution.mounting_notices,
     ]
-    found = run_result(opened, solution.located, placement, work, solution.lidar.clocks, notices, watch)
-    names = [lidar.name for lidar in opened.session.further_lidars]
-    return replace(
-        found,
-        matched=solution.matched,
-        image_aid=guess.aid,
-        further_scanners={name: one.found for name, one in zip(names, further, strict=True)},
-        **vars(solution.flight),
-    )
 
 
 def _further_scanners(opened: OpenSession, solution: Solution, progress: Progress) -> list[FurtherRecording]:
@@ -188,7 +189,7 @@ def _field_notices(opened: OpenSession, work: FieldWork, solution: Solution) -> 
 def camera_frames(opened: OpenSession, trajectory: Trajectory, guess: FirstGuess) -> tuple[Frames | None, list[Notice]]:
     """The frames that have a pose, with the camera as they show it, else as stated; and notices about them."""
     camera = opened.session.camera
-    if camera is None or any(notice.code == CONTRADICTING for notice in guess.notices):
+    if camera is None or any(notice.code == CONTRADICTING for notice in guess.image_notices):
         return None, []
     if not camera.is_known:
         return None, [Notice("images-unused.intrinsics")]

@@ -32,5 +32,5 @@ def solve(opened: OpenSession, guess: FirstGuess, progress: Progress) -> Solutio
         carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
     scale = ground_scale(opened.frame, located.trajectory)
     return Solution(
-        located, lidar, session.lidar.mounting, implement, carrier, scale, mount_notices=tuple(mount_notices)
+        guess, located, lidar, session.lidar.mounting, implement, carrier, scale, mount_notices=tuple(mount_notices)
     )

@@ -12,9 +12,10 @@ from furrowmap.core.pipeline.place import OpenSink, place_within
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pipeline.solution import StopWatch, companions, placer_of, run_result, without_unstated_accuracy
 from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession, watched
-from furrowmap.core.trajectory.located import locate, located_without_lidar
+from furrowmap.core.trajectory.located import Located, locate, located_without_lidar
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.values.scan import ClockReading, Scan
 from furrowmap.core.work.field_work import FieldWork
@@ -39,31 +40,39 @@ def preview(opened: OpenSession, open_sink: OpenSink, progress: Progress = silen
     Raises:
         FurrowmapError: if the session's files do not make a track with points along it.
     """
-    session = opened.session
     watch = StopWatch()
     progress("reading positions", 0.0)
     positions = opened.positions()
-    clocks: tuple[ClockReading, ...] = ()
-    if session.recording.lidar:
-        located = without_unstated_accuracy(locate(positions, session, opened.frame, companions(opened)), session)
-        carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
-        begin_s, end_s = located.trajectory.span_s
-        period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)
-        lidar = opened.lidar(0.5 * (begin_s + end_s), period_s)
-        placer = placer_of(located, session.lidar.mounting, carrier)
-        sink = open_sink(opened.frame, placer.origin_m, None)
-        scans = watched(preview_scans(lidar.scans(), period_s), lidar, progress, "looking at scans")
-        placement = place_within(opened, scans, [placer], sink, [classifier(None)], standing=True)
-        refuse_empty(placement, located.trajectory, session)
-        clocks = lidar.clocks
-        assumed = [*lidar.notices, *mount_notices, *session_notices(session, located, matched=False)]
+    if opened.session.recording.lidar:
+        located = locate(positions, opened.session, opened.frame, companions(opened))
+        located = without_unstated_accuracy(located, opened.session)
+        placement, clocks, assumed = _place_some(opened, located, open_sink, progress)
     else:
-        located = located_without_lidar(positions, session, opened.frame, companions(opened))
+        located = located_without_lidar(positions, opened.session, opened.frame, companions(opened))
         placement = Placement.without_scans(located.trajectory)
+        clocks = ()
         assumed = []
     watch.lap("preview")
     notices = [*positions.notices, *located.notices, *assumed]
     return run_result(opened, located, placement, FieldWork(), clocks, notices, watch)
+
+
+def _place_some(
+    opened: OpenSession, located: Located, open_sink: OpenSink, progress: Progress
+) -> tuple[Placement, tuple[ClockReading, ...], list[Notice]]:
+    """Place a few scans as the session states the mounting; readings of the clocks, and notices."""
+    session = opened.session
+    carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
+    begin_s, end_s = located.trajectory.span_s
+    period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)
+    lidar = opened.lidar(0.5 * (begin_s + end_s), period_s)
+    placer = placer_of(located, session.lidar.mounting, carrier)
+    sink = open_sink(opened.frame, placer.origin_m, None)
+    scans = watched(preview_scans(lidar.scans(), period_s), lidar, progress, "looking at scans")
+    placement = place_within(opened, scans, [placer], sink, [classifier(None)], standing=True)
+    refuse_empty(placement, located.trajectory, session)
+    assumed = [*lidar.notices, *mount_notices, *session_notices(session, located, matched=False)]
+    return placement, lidar.clocks, assumed
 
 
 def preview_scans(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:

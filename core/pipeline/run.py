@@ -48,7 +48,7 @@ def run(
         else:
             solution = placed.solve(opened, guess, progress)
     watch.lap("matching")
-    return place(opened, solution, guess, files, positions.notices, open_sink, watch, progress)
+    return place(opened, solution, files, open_sink, watch, progress)
 
 
 def is_flight(session: Session) -> bool:

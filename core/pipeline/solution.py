@@ -14,6 +14,7 @@ from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import Placement, Placer
+from furrowmap.core.readers.reader import Reader
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.runtime.progress import Progress
@@ -59,12 +60,14 @@ class FirstGuess:
 
     Attributes:
         aid: by images; None without them.
-        notices: about the images.
+        image_notices: about the images.
+        position_notices: of the reader of the positions.
     """
 
     located: Located
     aid: ImageAid | None
-    notices: tuple[Notice, ...]
+    image_notices: tuple[Notice, ...] = ()
+    position_notices: tuple[Notice, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ class Solution:
     """The trajectory and the scanner with it.
 
     Attributes:
+        guess: from which it was made.
         lidar: the first scanner's recording, with the clock that is used.
         mounting: of the first scanner, which is used.
         implement: has seen the first scanner's scans.
@@ -82,6 +86,7 @@ class Solution:
         mounting_notices: about the mounting that a flight shows.
     """
 
+    guess: FirstGuess
     located: Located
     lidar: LidarRecording
     mounting: Mounting
@@ -150,19 +155,21 @@ def placer_of(located: Located, mounting: Mounting, carrier: Trajectory | None =
 def aided_by_images(
     opened: OpenSession,
     located: Located,
+    positions: Reader,
     progress: Progress,
     features: Mapping[ImageFile, ImageFeatures] | None = None,
 ) -> FirstGuess:
     """The trajectory aided by the images of the session's camera, where it has one; `features` as they were found."""
     camera = opened.session.camera
+    about_positions = tuple(positions.notices)
     if camera is None or not camera.is_known:
-        return FirstGuess(located, None, ())
+        return FirstGuess(located, None, position_notices=about_positions)
     from furrowmap.core.pipeline.session_aid import aid_session
 
     notices: list[Notice] = []
     scale = ground_scale(opened.frame, located.trajectory)
     aided, aid = aid_session(opened, located, scale, notices, progress, features)
-    return FirstGuess(aided, aid, tuple(notices))
+    return FirstGuess(aided, aid, tuple(notices), about_positions)
 
 
 def contradicts(located: Located) -> bool:

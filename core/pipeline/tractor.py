@@ -41,7 +41,7 @@ def first_guess(opened: OpenSession, positions: Reader, watch: StopWatch, progre
     """The trajectory from positions and what stands beside them, aided by images."""
     located = locate(positions, opened.session, opened.frame, companions(opened))
     watch.lap("positions")
-    guess = aided_by_images(opened, located, progress)
+    guess = aided_by_images(opened, located, positions, progress)
     watch.lap("images")
     return guess
 
@@ -67,7 +67,8 @@ def solve(opened: OpenSession, guess: FirstGuess, progress: Progress, checkpoint
         carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = ground_scale(opened.frame, located.trajectory) if matched is None else 1.0
-    return Solution(located, lidar, mounting, implement, carrier, scale, matched, mount_notices=tuple(mount_notices))
+    notices = tuple(mount_notices)
+    return Solution(guess, located, lidar, mounting, implement, carrier, scale, matched, mount_notices=notices)
 
 
 def _match(

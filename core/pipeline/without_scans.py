@@ -30,7 +30,7 @@ def run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     progress("reading positions", 0.0)
     positions = opened.positions()
     located = located_without_lidar(positions, session, opened.frame, companions(opened))
-    guess = aided_by_images(opened, with_doubtful_heights(located), progress)
+    guess = aided_by_images(opened, with_doubtful_heights(located), positions, progress)
     located = held_against_control(guess.located, guess.aid)
     files = read_field_files(opened, located.trajectory)
     watch.lap("positions")
@@ -45,10 +45,10 @@ def run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     watch.lap("work")
     placement = Placement.without_scans(located.trajectory)
     notices = [
-        *positions.notices,
+        *guess.position_notices,
         *located.notices,
         *quality_notices(placement.poses),
-        *guess.notices,
+        *guess.image_notices,
         *files.field_notices,
         *in_field,
         *files.state_notices,

@@ -82,7 +82,7 @@ def test_run__without_any_colour_says_so(tmp_path: Path) -> None:
 def nowhere() -> tuple[Trajectory, FirstGuess]:
     """A trajectory of one pose, and the guess that it is of."""
     trajectory = trajectory_from_attitude(np.zeros(1), np.zeros((1, 3)), 0.0, 0.0, 0.0, max_gap_s=1.0)
-    return trajectory, FirstGuess(Located(trajectory, "imu", {}, ()), None, ())
+    return trajectory, FirstGuess(Located(trajectory, "imu", {}, ()), None)
 
 
 def test_run__without_pillow_goes_on(monkeypatch: pytest.MonkeyPatch, shared_data: Path) -> None:
