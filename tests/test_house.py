@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 import runpy
 import subprocess
@@ -382,6 +383,15 @@ def test_assignments__set_one_name_each() -> None:
     found = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Assign)]
     several = [node for node in found if isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple)]
     assert len(several) <= 0.02 * len(found)
+
+
+def test_stories_of_the_pipeline__can_be_kept_in_mind() -> None:
+    """At most 15 names each, arguments included."""
+    names = {"run": "run", "tractor": "solve", "placed": "solve", "flight": "solve", "place": "place"}
+    names |= {"preview": "preview", "without_scans": "run_without_scans"}
+    for file, story in names.items():
+        function = getattr(import_module(f"furrowmap.core.pipeline.{file}"), story)
+        assert inspect.unwrap(function).__code__.co_nlocals <= 15, (file, story)
 
 
 def test_functions__are_short() -> None:

@@ -78,16 +78,22 @@ def place(
     watch.lap("placing")
     refuse_empty(placement, solution.located.trajectory, opened.session)
     work = _work(opened, solution, further, files)
-    found = [*about_frames, *_notices(opened, solution, files, placement, work), *further_notices(opened, further)]
+    notices = [
+        *_notices_before(solution),
+        *about_frames,
+        *_notices(opened, solution, files, placement, work),
+        *further_notices(opened, further),
+        *solution.mounting_notices,
+    ]
     watch.lap("work")
-    notices = [*_notices_before(solution), *found, *solution.mounting_notices]
     result = run_result(opened, solution.located, placement, work, solution.lidar.clocks, notices, watch)
-    names = (lidar.name for lidar in opened.session.further_lidars)
     return replace(
         result,
         matched=solution.matched,
         image_aid=solution.guess.aid,
-        further_scanners={name: one.found for name, one in zip(names, further, strict=True)},
+        further_scanners={
+            lidar.name: one.found for lidar, one in zip(opened.session.further_lidars, further, strict=True)
+        },
         **vars(solution.flight),
     )
 

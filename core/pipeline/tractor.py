@@ -67,8 +67,17 @@ def solve(opened: OpenSession, guess: FirstGuess, progress: Progress, checkpoint
         carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = ground_scale(opened.frame, located.trajectory) if matched is None else 1.0
-    notices = tuple(mount_notices)
-    return Solution(guess, located, lidar, mounting, implement, carrier, scale, matched, mount_notices=notices)
+    return Solution(
+        guess,
+        located,
+        lidar,
+        mounting,
+        implement,
+        carrier,
+        scale,
+        matched,
+        mount_notices=tuple(mount_notices),
+    )
 
 
 def _match(
