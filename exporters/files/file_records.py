@@ -40,10 +40,13 @@ def rooted_records(rooted: Sequence[tuple[Path, Path]], progress: Progress = sil
                 digest.update(block)
                 done += len(block)
                 progress("hashing inputs", min(1.0, done / max(total, 1)))
-        inside = path.is_relative_to(root)  # polygons that a command named may lie anywhere
-        name = path.relative_to(root).as_posix() if inside else path.name
-        records.append(FileRecord(name, done - begun, digest.hexdigest()))
+        records.append(FileRecord(name_from(root, path), done - begun, digest.hexdigest()))
     return records
+
+
+def name_from(root: Path, path: Path) -> str:
+    """The name of a file relative to a folder; of polygons that a command named, which may lie anywhere, their own."""
+    return path.relative_to(root).as_posix() if path.is_relative_to(root) else path.name
 
 
 def files_in(folder: Path) -> list[Path]:

@@ -24,7 +24,7 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.boundary import ground_to_map
 from furrowmap.core.work.field_surfaces import FieldPoints
-from furrowmap.exporters.files.file_records import files_in
+from furrowmap.exporters.files.file_records import files_in, name_from
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK
 from furrowmap.exporters.files.staging import staged_folder
@@ -109,7 +109,7 @@ def preview(
             "preview": True,
             "session": msgspec.to_builtins(found.session),
             # as `report.json` lists them, but for the digests, which take longer than all else here
-            "inputs": [{"name": one.relative_to(root).as_posix(), "bytes": one.stat().st_size} for one in read],
+            "inputs": [{"name": name_from(root, one), "bytes": one.stat().st_size} for one in read],
             "figures": figures,
             "positions": found.located.positions,
             "warnings": [{"code": notice.code, "text": notice.text} for notice in found.notices],

@@ -9,10 +9,12 @@ import geopandas as gpd
 import laspy
 import numpy as np
 import pytest
+import rasterio
 import shapely
 
 import furrowmap
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.exporters.files.result_folder import PREVIEW_DSM
 
 
 def polygons(path: Path, *shapes: shapely.Geometry) -> Path:
@@ -46,6 +48,25 @@ def test_run__maps_the_ground_in_the_polygons(
     stated = tomllib.loads((chosen.path / "session.toml").read_text(encoding="utf-8"))["field"]["within"]
     assert Path(simulated.session.parent, stated).resolve() == (tmp_path / "part.gpkg").resolve()
     assert "part.gpkg" in {Path(record["name"]).name for record in chosen.report["inputs"]}
+
+
+def test_preview__maps_the_ground_in_the_polygons(
+    simulated: furrowmap.Simulated, result: furrowmap.Result, tmp_path: Path
+) -> None:
+    whole = laspy.read(result.path / "cloud.copc.laz")
+    east, north = (float(np.median(axis)) for axis in (whole.x, whole.y))
+    part = polygons(tmp_path / "part.gpkg", shapely.box(east - 3.0, north - 3.0, east, north + 3.0))
+    seen = []
+    for name, within in (("all", None), ("part", part)):
+        furrowmap.preview(simulated.session, tmp_path / name, within=within, progress=lambda *_: None)
+        with rasterio.open(tmp_path / name / PREVIEW_DSM) as raster:
+            known = raster.read(1, masked=True).count()
+            seen.append((known, raster.bounds))
+    assert 0 < seen[1][0] < 0.7 * seen[0][0]
+    assert seen[1][1].right <= east + 0.5
+    with pytest.raises(InputError) as raised:
+        furrowmap.preview(simulated.session, tmp_path / "none", within=tmp_path / "missing.gpkg")
+    assert "missing.gpkg" in raised.value.what
 
 
 def test_polygons_elsewhere__are_told_before_the_work(simulated: furrowmap.Simulated, tmp_path: Path) -> None:
