@@ -159,6 +159,7 @@ if __name__ == "__main__":
             try:
                 task = json.loads(line)
                 said |= {"operations": mortal(task)} if "deed" in task else command(task)
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
                 said["modules"] = [name for name in sys.modules if name not in known]
             except (FurrowmapError, OSError) as error:
                 said["error"] = [line[:1000] for line in _in_three_lines(error, []).lines]
@@ -171,7 +172,9 @@ if __name__ == "__main__":
         with os.fdopen(reading, "rb") as answered:
             words = answered.read()
         _, ended = os.waitpid(process, 0)
-        answer = {"status": os.waitstatus_to_exitcode(ended), **json.loads(words or "{}")}
+        answer = {"status": os.waitstatus_to_exitcode(ended)}
+        with suppress(ValueError):  # it was killed while it wrote
+            answer |= json.loads(words)
         for name in answer.pop("modules", ()):  # so that the next process need not import them
             with suppress(Exception):
                 importlib.import_module(name)

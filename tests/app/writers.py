@@ -191,6 +191,14 @@ def _give(drive: Path) -> Path:
     return given
 
 
+def _batch(drive: Path, out: Path) -> None:
+    """A batch, whose sessions fail alone; OSError with the words of the first that did."""
+    found = furrowmap.batch([drive.parent / "given"], out, furrowmap.BatchSettings(workers=1))
+    for row in found.sessions:
+        if row.outcome.failure is not None:
+            raise OSError(*row.outcome.failure.lines)
+
+
 def _drive(folder: Path, number: int) -> Path:
     return _session(folder, number).parent
 
@@ -299,7 +307,7 @@ WRITERS: Mapping[str, Writer] = {
     ),
     "batch": Writer(
         _drive,
-        lambda drive, out: furrowmap.batch([drive.parent / "given"], out, furrowmap.BatchSettings(workers=1)),
+        _batch,
         "results",
         content=_results_of_batch,
         begin=_give,
