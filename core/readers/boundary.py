@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import shapely
@@ -13,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.readers.areas.polygons import open_polygons
 from furrowmap.core.readers.areas.repair import made_valid, whole_in_degrees
 from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG
-from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons
+from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, Unreadable
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
@@ -29,7 +30,15 @@ class FieldOutline:
     outline: BaseGeometry
 
 
-def read_fields(path: Path, notices: list[Notice] | None = None, target: CRS | None = None) -> list[FieldOutline]:
+BOUNDARY: Final = "boundary-unreadable"
+WITHIN: Final = "within-unreadable"
+BOUNDARIES: Final = "boundaries-unreadable"
+"""Errors of a file that cannot be read, by what its polygons are for."""
+
+
+def read_fields(
+    path: Path, notices: list[Notice] | None = None, target: CRS | None = None, error_code: str = BOUNDARY
+) -> list[FieldOutline]:
     """The fields of a file or folder (:mod:`.areas.polygons`), a polygon each, in longitude and latitude.
 
     What was decided where a file leaves it open is added to `notices`; `target` is the CRS of the map, if it is known.
@@ -37,17 +46,18 @@ def read_fields(path: Path, notices: list[Notice] | None = None, target: CRS | N
     Projected coordinates are converted to longitude and latitude of the same datum; no datum is changed. InputError if
     the file has another format, cannot be read, has no polygon, states no CRS, or one on a historical datum.
     """
-    polygons = open_polygons(path, target, partial(_unreadable, path))
+    unreadable = partial(_unreadable, path, error_code)
+    polygons = open_polygons(path, target, unreadable)
     if notices is not None:
         notices += polygons.notices
     try:
-        outlines, base = _outlines(path, polygons)
+        outlines, base = _outlines(polygons, unreadable)
         middle = outlines[0].centroid
         apart = datum_shift_m(base, round(middle.x, 1), round(middle.y, 1))
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS and PROJ have no family of their own
-        raise _unreadable(path, str(error) or type(error).__name__) from None
+        raise unreadable(str(error) or type(error).__name__) from None
     if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
         raise InputError("boundary-datum", path=path, base=base.name, apart=apart)
     rows = zip(polygons.attributes, outlines, strict=True)
@@ -58,7 +68,7 @@ def notices_of_fields(path: Path) -> tuple[Notice, ...]:
     """What :func:`read_fields` notices of a file; nothing of one that cannot be read."""
     try:
         # notices do not depend on the map
-        return open_polygons(path, CRS.from_epsg(3857), partial(_unreadable, path)).notices
+        return open_polygons(path, CRS.from_epsg(3857), partial(_unreadable, path, BOUNDARY)).notices
     except FurrowmapError:
         return ()
 
@@ -67,7 +77,7 @@ def _texts(values: Iterable[object]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(str(value).strip() for value in values if isinstance(value, str | int)))
 
 
-def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
+def _outlines(polygons: Polygons, unreadable: Unreadable) -> tuple[list[BaseGeometry], CRS]:
     """The polygons in longitude and latitude, and the CRS of these."""
     base = polygons.crs.geodetic_crs
     assert base is not None
@@ -77,17 +87,15 @@ def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
     for shape in whole_in_degrees(shapes):
         outline = made_valid(shape)
         if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
-            raise _unreadable(path, "its polygons are empty, or their coordinates do not match its CRS")
+            raise unreadable("its polygons are empty, or their coordinates do not match its CRS")
         west, south, east, north = outline.bounds
         if max(-south, north) > 90.0 or max(-west, east) > 360.0:
-            raise _unreadable(
-                path, f"it reaches from {south:g} to {north:g} latitude and {west:g} to {east:g} longitude"
-            )
+            raise unreadable(f"it reaches from {south:g} to {north:g} latitude and {west:g} to {east:g} longitude")
         if max(north - south, (east - west) * np.cos(np.radians(max(-south, north)))) > MAX_FIELD_DEG:
-            raise _unreadable(path, f"it is {north - south:.3g}° high and {east - west:.3g}° wide, which no field is")
+            raise unreadable(f"it is {north - south:.3g}° high and {east - west:.3g}° wide, which no field is")
         outlines.append(outline)
     return outlines, base
 
 
-def _unreadable(path: Path, why: str) -> InputError:
-    return InputError("boundary-unreadable", path=path, why=why, formats=VECTOR_FORMATS)
+def _unreadable(path: Path, error_code: str, why: str) -> InputError:
+    return InputError(error_code, path=path, why=why, formats=VECTOR_FORMATS)

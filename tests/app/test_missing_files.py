@@ -51,6 +51,7 @@ def refused(words: list[str], missing: Path, capsys: pytest.CaptureFixture[str])
     said = capsys.readouterr().err
     assert status in (2, 3, 4), said
     assert missing.name in said or "nowhere" in said, said
+    assert "[field] boundary" not in said, "no option is that key"
 
 
 @pytest.mark.parametrize("kind", ["nothing", "link"])
