@@ -301,7 +301,7 @@ def answers(qgis: QgisRoot, worker: str, folder: Path, by_hand: Path) -> dict[st
     (folder / "jobs.json").write_text(json.dumps(list(jobs.values())), encoding="utf-8")
     kept = "XDG_CACHE_HOME=/opt/furrowmap/cache"  # of the root, so that kernels are compiled once
     script = CHECKOUT / "tests" / "plugin" / "in_qgis.py"
-    out = qgis.run("env", kept, "python3", script, folder / "plugins", folder / "jobs.json", timeout_s=500)
+    out = qgis.run("env", kept, "python3", script, folder / "plugins", folder / "jobs.json", timeout_s=1200)
     answers = dict(zip(jobs, json.loads(out.splitlines()[-1]), strict=True))
     print("seconds on the clock and of the processor:")  # for people (pytest -s)
     print("\n".join(f"{each['spent_s'][0]:6.2f} {each['spent_s'][1]:6.2f} {name}" for name, each in answers.items()))
