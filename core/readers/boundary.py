@@ -30,14 +30,14 @@ class FieldOutline:
     outline: BaseGeometry
 
 
-BOUNDARY: Final = "boundary-unreadable"
-WITHIN: Final = "within-unreadable"
-BOUNDARIES: Final = "boundaries-unreadable"
+BOUNDARY_UNREADABLE: Final = "boundary-unreadable"
+WITHIN_UNREADABLE: Final = "within-unreadable"
+BOUNDARIES_UNREADABLE: Final = "boundaries-unreadable"
 """Errors of a file that cannot be read, by what its polygons are for."""
 
 
 def read_fields(
-    path: Path, notices: list[Notice] | None = None, target: CRS | None = None, error_code: str = BOUNDARY
+    path: Path, notices: list[Notice] | None = None, target: CRS | None = None, error_code: str = BOUNDARY_UNREADABLE
 ) -> list[FieldOutline]:
     """The fields of a file or folder (:mod:`.areas.polygons`), a polygon each, in longitude and latitude.
 
@@ -68,7 +68,7 @@ def notices_of_fields(path: Path) -> tuple[Notice, ...]:
     """What :func:`read_fields` notices of a file; nothing of one that cannot be read."""
     try:
         # notices do not depend on the map
-        return open_polygons(path, CRS.from_epsg(3857), partial(_unreadable, path, BOUNDARY)).notices
+        return open_polygons(path, CRS.from_epsg(3857), partial(_unreadable, path, BOUNDARY_UNREADABLE)).notices
     except FurrowmapError:
         return ()
 

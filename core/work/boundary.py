@@ -13,7 +13,7 @@ from furrowmap.core.geodesy.longitudes import principal_deg
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.areas.area import Area
 from furrowmap.core.readers.areas.repair import made_valid, whole_in_degrees
-from furrowmap.core.readers.boundary import WITHIN, FieldOutline, read_fields
+from furrowmap.core.readers.boundary import WITHIN_UNREADABLE, FieldOutline, read_fields
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
 MIN_BOUNDARY_SHARE: Final = 0.01
@@ -96,7 +96,7 @@ def _apart(boundary: BaseGeometry, drive: BaseGeometry) -> Notice:
 def ground_to_map(file: Path, frame: MapFrame) -> Area:
     """All polygons of a file, or of task data, as an area of the map; InputError if it cannot be read."""
     notices: list[Notice] = []
-    shape = boundary_on_map(_union(read_fields(file, notices, frame.crs, WITHIN)), frame)
+    shape = boundary_on_map(_union(read_fields(file, notices, frame.crs, WITHIN_UNREADABLE)), frame)
     polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
     return Area(file, tuple(polygons), tuple(notices))
 

@@ -14,7 +14,7 @@ from typing import Final
 
 import msgspec
 
-from furrowmap.core.readers.boundary import BOUNDARIES, notices_of_fields, read_fields
+from furrowmap.core.readers.boundary import BOUNDARIES_UNREADABLE, notices_of_fields, read_fields
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.json_text import from_kept_json, kept_json, plain
@@ -380,7 +380,7 @@ class _Batch:
                 Notice("batch-no-session", without=len(without), shown=shown, is_without=len(without) > 3)
             )
         if boundaries and not Path(boundaries).exists():
-            read_fields(Path(boundaries), error_code=BOUNDARIES)  # which says so
+            read_fields(Path(boundaries), error_code=BOUNDARIES_UNREADABLE)  # which says so
         if boundaries:
             plan.notices.extend(notices_of_fields(Path(boundaries)))
         usable = [source for source in sources if machine or not source.made]

@@ -21,7 +21,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.geodesy.coordinates import transform_poses, transform_track
 from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.readers.boundary import BOUNDARIES, FieldOutline, read_fields
+from furrowmap.core.readers.boundary import BOUNDARIES_UNREADABLE, FieldOutline, read_fields
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.runtime.settings import ALLOWANCES, allows, language_of_user
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
@@ -191,7 +191,7 @@ def visits_of(
 def _visits(file: Path, session: Session, boundaries: Path) -> list[FieldVisit]:
     inputs = Inputs.find(file, session)
     opened = OpenSession(file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
-    fields = read_fields(boundaries, target=opened.frame.crs, error_code=BOUNDARIES)
+    fields = read_fields(boundaries, target=opened.frame.crs, error_code=BOUNDARIES_UNREADABLE)
     t_s, xy_m = _places(opened)
     near = [field for field in fields if _near(field, opened, xy_m)]
     found = visits_of(t_s, xy_m, [boundary_on_map(field.outline, opened.frame) for field in near])
