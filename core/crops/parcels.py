@@ -197,7 +197,7 @@ def inset_parcels(gross: Sequence[shapely.Polygon], ends_m: float, sides_m: floa
     corners, has_four = _corners(shapes)
     others = np.flatnonzero(~has_four)
     corners[others], has_four[others] = _corners(
-        np.array([shapely.minimum_rotated_rectangle(gross[k]) for k in others.tolist()])
+        np.array([shapely.minimum_rotated_rectangle(gross[k]) for k in others.tolist()], dtype=object)
     )
     inner = shapes.copy()
     inner[~has_four] = None

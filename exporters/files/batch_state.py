@@ -15,7 +15,7 @@ from typing import Any, Final, Self
 import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
-from furrowmap.core.runtime.json_text import from_kept_json, kept_json
+from furrowmap.core.runtime.json_text import from_kept_json, kept_json, plain
 from furrowmap.core.runtime.write_errors import failed_write, write_error
 from furrowmap.exporters.files.plain_files import refuse_shared
 
@@ -79,11 +79,6 @@ class SessionOutcome:
     track: str = ""
 
 
-def _as_text(path: str) -> str:
-    """A path as SQLite takes it: bytes that are no Unicode become escapes."""
-    return path.encode("utf-8", "backslashreplace").decode("utf-8")
-
-
 class BatchState:
     """The rows of a state file."""
 
@@ -112,16 +107,14 @@ class BatchState:
 
     def prepared(self, source: str, key: str) -> bytes | None:
         """What was found in a source with that key of its content; None if nothing was kept."""
-        found = self._database.execute(
-            "SELECT found FROM prepared WHERE source = ? AND key = ?", (_as_text(source), key)
-        )
+        found = self._database.execute("SELECT found FROM prepared WHERE source = ? AND key = ?", (plain(source), key))
         row = found.fetchone()
         return bytes(row[0]) if row is not None else None
 
     def keep_prepared(self, source: str, key: str, found: bytes) -> None:
         """Keep what was found in a source."""
         with self._database:
-            self._database.execute("INSERT OR REPLACE INTO prepared VALUES (?, ?, ?)", (_as_text(source), key, found))
+            self._database.execute("INSERT OR REPLACE INTO prepared VALUES (?, ?, ?)", (plain(source), key, found))
 
     def save_as(self, path: Path) -> None:
         """Write a copy that is whole while this file changes."""
