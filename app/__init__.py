@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from importlib.metadata import version
 
-    from furrowmap.core.checking.check import Check as Check
-    from furrowmap.core.checking.evaluation import Evaluation as Evaluation
-    from furrowmap.core.checking.paired_points import PairedPoints as PairedPoints
+    from furrowmap.core.accuracy.check import Check as Check
+    from furrowmap.core.accuracy.evaluation import Evaluation as Evaluation
+    from furrowmap.core.accuracy.paired_points import PairedPoints as PairedPoints
     from furrowmap.core.images.board import Board as Board
     from furrowmap.core.pointclouds.cleaning_steps import Cleaning as Cleaning
     from furrowmap.core.readers.reader import Inspection as Inspection

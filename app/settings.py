@@ -19,7 +19,7 @@ from furrowmap.core.runtime.options import setting
 if TYPE_CHECKING:
     from pyproj import CRS
 
-    from furrowmap.core.checking.cloud_at_points import Targets
+    from furrowmap.core.accuracy.cloud_at_points import Targets
     from furrowmap.core.crops.measure import Method
     from furrowmap.core.pointclouds.surfaces import GroundMethod
     from furrowmap.core.readers.las.cloud import Box

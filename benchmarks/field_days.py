@@ -12,8 +12,8 @@ from time import process_time
 
 import numpy as np
 
+from furrowmap.core.coverage.task_work import task_works
 from furrowmap.core.readers.isoxml.log import read_tasks
-from furrowmap.core.work.task_work import task_works
 
 HARVEST = Path(__file__).resolve().parents[2] / "shared" / "data" / "isoxml" / "field_days" / "harvest_21_fields"
 UNION_M2 = {

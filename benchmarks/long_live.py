@@ -18,13 +18,13 @@ from queue import Queue
 
 import numpy as np
 
+from furrowmap.core.coverage.worked_cells import WORKED
+from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.live.session import LiveSession
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.readers.pcap import Datagrams, datagrams_of
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.work.saved import load_implement
-from furrowmap.core.work.worked_cells import WORKED
 from furrowmap.workflows.live.live import LiveWatch, Outlets
 from furrowmap.workflows.live.server import Hub, Pictures
 

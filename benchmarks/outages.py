@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from sessions import simulated
 from trajectory_error import Poses, load_simulation
 
-from furrowmap.core.adjustment.session_match import match_to_ground
+from furrowmap.core.matching.session_match import match_to_ground
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import Companions, locate

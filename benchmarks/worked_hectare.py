@@ -22,6 +22,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from furrowmap.core.coverage.field_work import Depth, FieldWork, events, tool_paths
+from furrowmap.core.coverage.ground import worked_ground
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path, plan_path
 from furrowmap.core.simulator.scenario import ScenarioDrive, ScenarioImplement
@@ -31,8 +33,6 @@ from furrowmap.core.values.session import Crs
 from furrowmap.core.values.session import Implement as Stated
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import ScanPoses, Trajectory, trajectory_from_attitude
-from furrowmap.core.work.field_work import Depth, FieldWork, events, tool_paths
-from furrowmap.core.work.ground import worked_ground
 from furrowmap.exporters.vectors.geopackage import write_field
 
 FloatArray = NDArray[np.float64]

@@ -14,7 +14,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from shapely import affinity
 
+from furrowmap.core.coverage.ground import worked_ground
 from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.implement.heights import ToolHeightTracker
+from furrowmap.core.implement.learning import learn_implement
+from furrowmap.core.implement.model import Hint
+from furrowmap.core.implement.near_scans import NearScans
+from furrowmap.core.implement.states import tool_history
 from furrowmap.core.readers.reader import GivesPoses, GivesScans, GivesTrack, ReadOptions, open_recording
 from furrowmap.core.session.file import load_session
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
@@ -23,12 +29,6 @@ from furrowmap.core.trajectory.motion import local_velocity
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion
-from furrowmap.core.work.ground import worked_ground
-from furrowmap.core.work.heights import ToolHeightTracker
-from furrowmap.core.work.learning import learn_implement
-from furrowmap.core.work.model import Hint
-from furrowmap.core.work.near_scans import NearScans
-from furrowmap.core.work.states import tool_history
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DATA = CHECKOUT.parent / "shared" / "data"

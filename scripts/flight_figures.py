@@ -17,9 +17,9 @@ prepare_process()
 from matplotlib import pyplot as plt  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
 
-from furrowmap.core.adjustment.boresight import boresight  # noqa: E402
-from furrowmap.core.adjustment.strips import strip_returns  # noqa: E402
 from furrowmap.core.session.opened import open_session  # noqa: E402
+from furrowmap.core.strips.boresight import boresight  # noqa: E402
+from furrowmap.core.strips.strips import strip_returns  # noqa: E402
 from furrowmap.core.trajectory.located import locate  # noqa: E402
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"

@@ -469,7 +469,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("number", type=int)
     parser.add_argument("seed", type=int)
-    parser.add_argument("--within", default="", help="only files whose path begins so, such as core/work")
+    parser.add_argument("--within", default="", help="only files whose path begins so, such as core/coverage")
     parser.add_argument("--again", action="store_true", help="those of this seed that were not killed, once more")
     parser.add_argument("--jobs", type=int, default=2, help="processes that work at a time")
     options = parser.parse_args()

@@ -36,7 +36,16 @@ SHARED_DATA = CHECKOUT.parent / "shared" / "data"
 
 SLOW_FIXTURES = {"browser", "page_scripts", "qgis", "result", "run_once", "shared_data", "simulated", "web_reader"}
 """What takes a QGIS, a browser, npm, the sample recordings, or a whole run."""
-SLOW_FOLDERS = ("app", "core/adjustment", "core/simulator", "exporters/farm", "fuzz", "fuzz_sessions", "plugin")
+SLOW_FOLDERS = (
+    "app",
+    "core/matching",
+    "core/strips",
+    "core/simulator",
+    "exporters/farm",
+    "fuzz",
+    "fuzz_sessions",
+    "plugin",
+)
 """Folders of tests that run whole workflows, or take minutes together."""
 
 

@@ -11,7 +11,7 @@ from typing import Final
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
 COLLECTING: Final = {
-    "core/estimation/relaxation.py Relaxation",
+    "core/adjustment/relaxation.py Relaxation",
     "core/features/cloud_features.py FoundFeatures",
     "core/pointclouds/surfaces.py _Lows",
     "core/readers/isoxml/xml.py Element",

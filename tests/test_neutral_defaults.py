@@ -19,7 +19,7 @@ EVERY_ONE: Final = {
     "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
     "app/workflows/calibrate/mount.py calibrate_mount(every)": 1,
     "app/settings.py _every(default)": 1,
-    "core/adjustment/clock_offset.py _Trial.agreement(every)": 1,
+    "core/matching/clock_offset.py _Trial.agreement(every)": 1,
     "core/values/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
     "core/values/plot_grid.py PlotGrid.block_size": 1,
     "exporters/files/atomic.py atomic_output(durable)": True,  # a power cut loses no product
@@ -63,11 +63,11 @@ FACTORS: Final = {
     "core/geodesy/projection.py ParameterFile.from_map": True,
     "core/values/margins.py margin(factor)": 1.0,
     "core/values/margins.py with_margin(factor)": 1.0,
-    "core/adjustment/consistency.py Seen.slow_times": 1.0,
-    "core/adjustment/problem.py SlowErrors.times[0]": 1.0,
-    "core/adjustment/problem.py SlowErrors.times[1]": 1.0,
-    "core/estimation/inertial.py InertialLinks.force_times[0]": 1.0,
-    "core/estimation/inertial.py InertialLinks.force_times[1]": 1.0,
+    "core/matching/consistency.py Seen.slow_times": 1.0,
+    "core/matching/problem.py SlowErrors.times[0]": 1.0,
+    "core/matching/problem.py SlowErrors.times[1]": 1.0,
+    "core/adjustment/inertial.py InertialLinks.force_times[0]": 1.0,
+    "core/adjustment/inertial.py InertialLinks.force_times[1]": 1.0,
 }
 """Factors and directions."""
 POINTS: Final = {
@@ -97,12 +97,12 @@ OWN: Final = {
     "app/settings.py SolveSettings.mask_deg": 15.0,
     "app/settings.py CheckSettings.diameter_m": 0.3,
     "app/settings.py TrafficSettings.cell_m": 0.1,
-    "core/checking/check.py check_product(diameter_m)": 0.3,
-    "core/checking/cloud_at_points.py cloud_at_points(diameter_m)": 0.3,
+    "core/accuracy/check.py check_product(diameter_m)": 0.3,
+    "core/accuracy/cloud_at_points.py cloud_at_points(diameter_m)": 0.3,
     "core/surfaces/outliers.py radius_outliers(radius_m)": 0.5,
     "core/surfaces/outliers.py radius_outliers(fewest)": 3,
     "core/surfaces/outliers.py mean_neighbour_distance(reach_m)": 5.0,
-    "core/estimation/registration.py Registration.patch_m": 1.0,
+    "core/adjustment/registration.py Registration.patch_m": 1.0,
     "core/matching/ground.py Relief.variance": 0.005,
     "exporters/reports/evaluation_figures.py _rounded(digits)": 4,
     "exporters/reports/svg.py TimeAxis.left": 74.0,

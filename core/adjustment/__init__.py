@@ -1,1 +1,1 @@
-"""The adjustment of a session, and what it calibrates: mounting, yaw, clock offset, range bow, lasers."""
+"""Least-squares adjustment of states at knots in time: layout, observations, banded normal equations, covariances."""

@@ -25,7 +25,7 @@ from furrowmap.core.images.features import ImageFeatures, find_features, match_f
 from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.images.projection import inside, project, unproject
 from furrowmap.core.images.ties import Ties, overlapping, seen_in, thin_ties, tracks
-from furrowmap.core.readers.exif import image_size
+from furrowmap.core.readers.image_pixels import image_size
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress

@@ -16,10 +16,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.banded import huber_weight
-from furrowmap.core.estimation.correlated_prior import covariance_after, root_of, solved
-from furrowmap.core.estimation.inertial import cross_matrix
-from furrowmap.core.estimation.knots import POSE, ROTATION
+from furrowmap.core.adjustment.banded import huber_weight
+from furrowmap.core.adjustment.correlated_prior import covariance_after, root_of, solved
+from furrowmap.core.adjustment.inertial import cross_matrix
+from furrowmap.core.adjustment.knots import POSE, ROTATION
 from furrowmap.core.images.frames import FramePoses
 from furrowmap.core.images.projection import project, unproject
 from furrowmap.core.images.ties import Ties

@@ -11,7 +11,7 @@ from furrowmap.core.images.balance import Balance, balance_frames
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.images.projection import pixel_of
 from furrowmap.core.images.visibility import MIN_DISTANCE_M, SLACK_M, Visibility, VisibilityMaker
-from furrowmap.core.readers.exif import read_pixels
+from furrowmap.core.readers.image_pixels import read_pixels
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice

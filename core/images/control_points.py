@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from furrowmap.core.images.block_adjustment import AdjustedBlock, ImageBlock, Known, adjusted_poses, triangulate
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.images.ties import Ties
-from furrowmap.core.readers.exif import read_pixels
+from furrowmap.core.readers.image_pixels import read_pixels
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.images import ImageFile
 

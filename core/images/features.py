@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.exif import read_pixels
+from furrowmap.core.readers.image_pixels import read_pixels
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.background import in_turn

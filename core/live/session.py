@@ -12,7 +12,13 @@ from typing import Final
 
 import numpy as np
 
+from furrowmap.core.coverage.worked_cells import Tile, WorkedCells
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
+from furrowmap.core.implement.heights import ToolHeightTracker
+from furrowmap.core.implement.learning import learn_implement
+from furrowmap.core.implement.model import Hint, Learned, SeenImplement
+from furrowmap.core.implement.near_scans import NearScan, NearScans
+from furrowmap.core.implement.states import tool_history
 from furrowmap.core.live.poses import MAX_BRIDGED_S, MAX_CARRIED_S, LivePose, LivePoses
 from furrowmap.core.matching.returns import LEARN_SCANS
 from furrowmap.core.readers.arrived_positions import Kind, log_kind
@@ -23,12 +29,6 @@ from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs, Implement, Recording, Session
 from furrowmap.core.values.tool_states import ToolState, ToolStates
-from furrowmap.core.work.heights import ToolHeightTracker
-from furrowmap.core.work.learning import learn_implement
-from furrowmap.core.work.model import Hint, Learned, SeenImplement
-from furrowmap.core.work.near_scans import NearScan, NearScans
-from furrowmap.core.work.states import tool_history
-from furrowmap.core.work.worked_cells import Tile, WorkedCells
 
 GNSS_KEPT_BYTES: Final = 4096
 """Of a receiver's stream before what is new: sentences of one epoch come in several pieces."""

@@ -1,1 +1,1 @@
-"""Scan matching: returns of ground and walls registered to surfaces, as observations of the poses."""
+"""Scan matching: ground and walls as observations of the poses; the adjustment of a drive and what it calibrates."""

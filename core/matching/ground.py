@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.coarse import CoarseGrid
-from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain
-from furrowmap.core.estimation.registration import (
+from furrowmap.core.adjustment.coarse import CoarseGrid
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, Chain
+from furrowmap.core.adjustment.registration import (
     Patches,
     PatchRows,
     SliceSums,

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.coarse import CoarseKnots
-from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State, place, turns
+from furrowmap.core.adjustment.coarse import CoarseKnots
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, Knots, State, place, turns
 from furrowmap.core.matching.ground import NO_COARSE, ChainPoses, PlacedReturns
 from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns

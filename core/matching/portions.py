@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.knots import Knots
+from furrowmap.core.adjustment.knots import Knots
 from furrowmap.core.runtime.arrays import FloatArray
 
 Found = TypeVar("Found")

@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.coarse import CoarseKnots
-from furrowmap.core.estimation.registration import Patches, Registration, SliceSums, free_patches, stored
+from furrowmap.core.adjustment.banded import NormalEquations
+from furrowmap.core.adjustment.coarse import CoarseKnots
+from furrowmap.core.adjustment.registration import Patches, Registration, SliceSums, free_patches, stored
 from furrowmap.core.matching.ground import GroundSums, Relief, register_ground
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads, windows

@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.knots import KNOT_STEP_S
-from furrowmap.core.estimation.registration import (
+from furrowmap.core.adjustment.knots import KNOT_STEP_S
+from furrowmap.core.adjustment.registration import (
     Patches,
     PatchRows,
     SliceSums,
@@ -61,7 +61,7 @@ MIN_CORRELATED: Final = 4.0
 MIN_WALL_GROUPS: Final = 50
 WALL_PATCH_M: Final = 8.0
 WALL_LAYER: Final = np.int64(2)
-"""Layer of a wall's patch in :class:`~furrowmap.core.estimation.registration.Patches`."""
+"""Layer of a wall's patch in :class:`~furrowmap.core.adjustment.registration.Patches`."""
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.coverage.boundary import field_boundary, held_against_boundary
+from furrowmap.core.coverage.field_work import FieldWork
+from furrowmap.core.implement.external_states import external_states
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.boundary import field_boundary, held_against_boundary
-from furrowmap.core.work.external_states import external_states
-from furrowmap.core.work.field_work import FieldWork
 
 
 @dataclass(frozen=True)

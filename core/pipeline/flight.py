@@ -8,22 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from furrowmap.core.adjustment.boresight import (
-    MAX_DRAWN_DEG,
-    Boresight,
-    boresight_notices,
-    held_against_mounting,
-    held_against_strips,
-)
-from furrowmap.core.adjustment.height_creep import held_against_heights
-from furrowmap.core.adjustment.model_by_strips import LikelierModel, likelier_model
-from furrowmap.core.adjustment.strip_adjustment import (
-    StripAdjustment,
-    calibrate_flight,
-    scanner_goes_with_imu,
-    timed_wrongly,
-)
-from furrowmap.core.adjustment.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
+from furrowmap.core.coverage.field_work import ImplementTracker
 from furrowmap.core.pipeline.solution import (
     FirstGuess,
     FlightCalibration,
@@ -42,6 +27,23 @@ from furrowmap.core.runtime.background import beside
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
+from furrowmap.core.strips.boresight import (
+    MAX_DRAWN_DEG,
+    Boresight,
+    boresight_notices,
+    held_against_mounting,
+    held_against_strips,
+)
+from furrowmap.core.strips.height_creep import held_against_heights
+from furrowmap.core.strips.model_by_strips import LikelierModel, likelier_model
+from furrowmap.core.strips.strip_adjustment import (
+    StripAdjustment,
+    calibrate_flight,
+    scanner_goes_with_imu,
+    timed_wrongly,
+)
+from furrowmap.core.strips.strip_differences import strip_differences
+from furrowmap.core.strips.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
 from furrowmap.core.trajectory.located import Located, locate, middle_s
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import find_strips
@@ -49,8 +51,6 @@ from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within
 from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.field_work import ImplementTracker
-from furrowmap.core.work.strip_differences import strip_differences
 
 if TYPE_CHECKING:
     from furrowmap.core.images.aiding import ImageAid

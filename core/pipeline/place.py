@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.coverage.boundary import ground_to_map
+from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.implement.machine import MachineVoxels
 from furrowmap.core.pipeline.field_files import FieldFiles, boundary_notices
 from furrowmap.core.pipeline.notices import placement_notices, position_notices, refuse_empty, session_notices
 from furrowmap.core.pipeline.run_result import RunResult
@@ -31,9 +34,6 @@ from furrowmap.core.session.opened import OpenSession, watched
 from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.boundary import ground_to_map
-from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.machine import MachineVoxels
 
 if TYPE_CHECKING:
     from furrowmap.core.images.frames import Frames

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from furrowmap.core.coverage.field_work import ImplementTracker
 from furrowmap.core.pipeline.solution import (
     FirstGuess,
     Solution,
@@ -16,7 +17,6 @@ from furrowmap.core.pipeline.tractor import learned_implements, look_for_impleme
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.moving_mount import carrier_of
-from furrowmap.core.work.field_work import ImplementTracker
 
 
 def solve(opened: OpenSession, guess: FirstGuess, progress: Progress) -> Solution:

@@ -7,6 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from furrowmap.core.coverage.field_work import FieldWork
+from furrowmap.core.implement.machine import classifier
 from furrowmap.core.pipeline.notices import refuse_empty, session_notices
 from furrowmap.core.pipeline.place import OpenSink, place_within
 from furrowmap.core.pipeline.run_result import RunResult
@@ -18,8 +20,6 @@ from furrowmap.core.session.opened import OpenSession, watched
 from furrowmap.core.trajectory.located import Located, locate, located_without_lidar
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.values.scan import ClockReading, Scan
-from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.machine import classifier
 
 PREVIEW_SCANS: Final = 400
 """Places of the drive at which a preview reads scans; each shows the ground for some 15 m around."""

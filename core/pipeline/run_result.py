@@ -11,25 +11,25 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from furrowmap.core.adjustment.boresight import Boresight
-from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
+from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.live.difference import LiveDifference
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.strips.boresight import Boresight
+from furrowmap.core.strips.strip_adjustment import StripAdjustment
+from furrowmap.core.strips.strip_differences import StripDifferences
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.straight_passes import Strip
 from furrowmap.core.values.scan import ClockReading
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.strip_differences import StripDifferences
 
 if TYPE_CHECKING:
-    from furrowmap.core.adjustment.matched import Matched
-    from furrowmap.core.adjustment.relative_mounting import RelativeMounting
     from furrowmap.core.images.aiding import ImageAid
+    from furrowmap.core.matching.matched import Matched
+    from furrowmap.core.matching.relative_mounting import RelativeMounting
 
 MIN_LEVER_TURN_DEG: Final = 45.0
 """A vehicle that turns by less takes a wrong lever arm with it: all it does is to shift the map."""

@@ -11,6 +11,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.coverage.field_work import ImplementTracker
+from furrowmap.core.implement.machine import MachineVoxels, classifier
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
@@ -18,12 +20,10 @@ from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.field_work import ImplementTracker
-from furrowmap.core.work.machine import MachineVoxels, classifier
 
 if TYPE_CHECKING:
-    from furrowmap.core.adjustment.matched import Matched
-    from furrowmap.core.adjustment.relative_mounting import RelativeMounting
+    from furrowmap.core.matching.matched import Matched
+    from furrowmap.core.matching.relative_mounting import RelativeMounting
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def further_recordings(
     shown = implement.shown
     if not session.further_lidars:
         return []
-    from furrowmap.core.adjustment.relative_mounting import FirstScanner, relative_mounting
+    from furrowmap.core.matching.relative_mounting import FirstScanner, relative_mounting
 
     scans = watched(ahead(first.scans(), SCANS_AHEAD), first, progress, "reading scans")
     corrected = map(matched.ranges.corrected, scans) if matched is not None and matched.ranges is not None else scans

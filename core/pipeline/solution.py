@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
-from furrowmap.core.adjustment.boresight import Boresight
-from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
+from furrowmap.core.coverage.field_work import FieldWork, ImplementTracker
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import Placement, Placer
@@ -19,6 +18,9 @@ from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import LidarRecording, OpenSession
+from furrowmap.core.strips.boresight import Boresight
+from furrowmap.core.strips.strip_adjustment import StripAdjustment
+from furrowmap.core.strips.strip_differences import StripDifferences
 from furrowmap.core.trajectory.located import Companions, Located
 from furrowmap.core.trajectory.straight_passes import Strip
 from furrowmap.core.values.images import ImageFile
@@ -26,14 +28,12 @@ from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import ClockReading
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.field_work import FieldWork, ImplementTracker
-from furrowmap.core.work.strip_differences import StripDifferences
 
 if TYPE_CHECKING:
-    from furrowmap.core.adjustment.matched import Matched
-    from furrowmap.core.adjustment.session_match import MatchedSession
     from furrowmap.core.images.aiding import ImageAid
     from furrowmap.core.images.features import ImageFeatures
+    from furrowmap.core.matching.matched import Matched
+    from furrowmap.core.matching.session_match import MatchedSession
 
 ORIGIN_STEP_M: Final = 100.0
 """The local origin of the points is a multiple of this."""

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
+from furrowmap.core.coverage.field_work import ImplementTracker
+from furrowmap.core.implement.model import SeenImplement
+from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pipeline.solution import (
     Checkpoint,
     FirstGuess,
@@ -26,12 +29,9 @@ from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Located, locate
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.values.session import Session
-from furrowmap.core.work.field_work import ImplementTracker
-from furrowmap.core.work.model import SeenImplement
-from furrowmap.core.work.saved import load_implement
 
 if TYPE_CHECKING:
-    from furrowmap.core.adjustment.matched import Matched
+    from furrowmap.core.matching.matched import Matched
 
 MIN_YAW_CHANGE_DEG: Final = 20.0
 """A mounting whose yaw differs by more sees the implement elsewhere."""
@@ -92,7 +92,7 @@ def _match(
 
     The implement sees the scans, unless they were kept.
     """
-    from furrowmap.core.adjustment.session_match import MatchedSession, match_to_ground
+    from furrowmap.core.matching.session_match import MatchedSession, match_to_ground
 
     kept = checkpoint.load() if checkpoint is not None else None
     if kept is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import zip_longest
 
+from furrowmap.core.coverage.field_work import FieldWork, with_grounds
 from furrowmap.core.pipeline.field_files import boundary_notices, read_field_files
 from furrowmap.core.pipeline.notices import quality_notices
 from furrowmap.core.pipeline.run_result import RunResult
@@ -20,7 +21,6 @@ from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import located_without_lidar
-from furrowmap.core.work.field_work import FieldWork, with_grounds
 
 
 def run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:

@@ -5,7 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.readers.exif import exif_images, read_image_table
+from furrowmap.core.readers.exif import exif_images
+from furrowmap.core.readers.image_table import read_image_table
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import MAX_ENTRIES, LeavesFolder, TooManyEntries, leads_out, matching, resolved
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera

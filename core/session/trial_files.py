@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.readers.areas.polygons import IDS, open_polygons
-from furrowmap.core.readers.exif import image_size, is_image_table, read_image_table
+from furrowmap.core.readers.image_pixels import image_size
+from furrowmap.core.readers.image_table import is_image_table, read_image_table
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.runtime.file_names import resolved

@@ -24,7 +24,7 @@ def move_surface(
 
     Bilinear between the cells' middles; a cell whose neighbours are unknown takes the nearest. `around` are the cells
     of the surface (nan where unknown), at least the margin of :func:`reach_cells` larger than `part`; `move` (6,) is in
-    the order of :data:`furrowmap.core.dates.pair_tie.MOVE_NAMES`, about the place `middle_m` (2,).
+    the order of :data:`furrowmap.core.coregistration.pair_tie.MOVE_NAMES`, about the place `middle_m` (2,).
     """
     out = np.full(part.shape, np.nan, np.float32)
     west = part.west * part.cell_m - middle_m[0]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.banded import huber_weight
-from furrowmap.core.estimation.inertial import Increments, cross_matrix
-from furrowmap.core.estimation.knots import KNOT_STEP_S
+from furrowmap.core.adjustment.banded import huber_weight
+from furrowmap.core.adjustment.inertial import Increments, cross_matrix
+from furrowmap.core.adjustment.knots import KNOT_STEP_S
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.trajectory.heading_hints import DECISIVE, ChunkMotion, HeadingHint

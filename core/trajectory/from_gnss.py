@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.positions import ANTENNA_HEADING_SIGMA_RAD
+from furrowmap.core.adjustment.positions import ANTENNA_HEADING_SIGMA_RAD
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray

@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.covariance import marginal_covariance
-from furrowmap.core.estimation.imu_constants import ImuConstants
-from furrowmap.core.estimation.inertial import (
+from furrowmap.core.adjustment.covariance import marginal_covariance
+from furrowmap.core.adjustment.imu_constants import ImuConstants
+from furrowmap.core.adjustment.inertial import (
     FORCE_BIAS,
     RATE_BIAS,
     VELOCITY,
@@ -34,7 +34,7 @@ from furrowmap.core.estimation.inertial import (
     predicted,
     unbiased_increments,
 )
-from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, ROTATION, State, StateBlock, normal_equations
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, ROTATION, State, StateBlock, normal_equations
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime import arrays

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.estimation.banded import HUBER_SIGMAS, BandedSolution
-from furrowmap.core.estimation.imu_constants import CERTAIN_SIGMAS, SETTLED_SIGMAS, ImuConstants, imu_constants
-from furrowmap.core.estimation.knots import POSE, ROTATION, Observation, State, normal_equations
-from furrowmap.core.estimation.positions import AntennaPositions, GnssDrift
-from furrowmap.core.estimation.vehicle import TRAVEL_YAW, TRAVEL_YAW_SIGMA, UNKNOWN_TRAVEL_YAW
+from furrowmap.core.adjustment.banded import HUBER_SIGMAS, BandedSolution
+from furrowmap.core.adjustment.imu_constants import CERTAIN_SIGMAS, SETTLED_SIGMAS, ImuConstants, imu_constants
+from furrowmap.core.adjustment.knots import POSE, ROTATION, Observation, State, normal_equations
+from furrowmap.core.adjustment.positions import AntennaPositions, GnssDrift
+from furrowmap.core.adjustment.vehicle import TRAVEL_YAW, TRAVEL_YAW_SIGMA, UNKNOWN_TRAVEL_YAW
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.inertial_start import InertialProblem
 
@@ -48,7 +48,7 @@ class InertialAdjustment(Fitted):
     Attributes:
         sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
         constants: what the residuals show of clock and lever arm.
-        by_clock: see :func:`~furrowmap.core.estimation.imu_constants.imu_constants`.
+        by_clock: see :func:`~furrowmap.core.adjustment.imu_constants.imu_constants`.
         clock_sigma_s: standard deviation of the offset of the IMU's clock.
     """
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.inertial import (
+from furrowmap.core.adjustment.inertial import (
     FORCE_BIAS,
     INERTIAL,
     RATE_BIAS,
@@ -18,9 +18,9 @@ from furrowmap.core.estimation.inertial import (
     Site,
     increments,
 )
-from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, Chain, Knots, Observation, State, StateLayout, knots_over
-from furrowmap.core.estimation.positions import RecordedHeadings
-from furrowmap.core.estimation.vehicle import ON_WHEELS, AlongNose, Standing
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, Chain, Knots, Observation, State, StateLayout, knots_over
+from furrowmap.core.adjustment.positions import RecordedHeadings
+from furrowmap.core.adjustment.vehicle import ON_WHEELS, AlongNose, Standing
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.longitudes import middle_deg
 from furrowmap.core.geodesy.projection import MapFrame

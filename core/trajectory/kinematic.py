@@ -2,7 +2,7 @@
 
 The rear axle does not slip sideways: it moves along the vehicle's heading. The antenna stands off the axle, so its own
 course is not the heading in a turn. Axle position, heading and the slowly varying error of GNSS are one chain of
-unknowns (:class:`~furrowmap.core.estimation.banded.NormalEquations`), solved by Gauss-Newton over the whole
+unknowns (:class:`~furrowmap.core.adjustment.banded.NormalEquations`), solved by Gauss-Newton over the whole
 recording at once; looking back as well as forward is what makes the heading stable in reverse too.
 """
 
@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.banded import HUBER_SIGMAS, NormalEquations, huber_weight
-from furrowmap.core.estimation.vehicle import SLIP
+from furrowmap.core.adjustment.banded import HUBER_SIGMAS, NormalEquations, huber_weight
+from furrowmap.core.adjustment.vehicle import SLIP
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.aiding import Aid
-from furrowmap.core.estimation.positions import (
+from furrowmap.core.adjustment.aiding import Aid
+from furrowmap.core.adjustment.positions import (
     ANTENNA_HEADING_CORRELATION_S,
     ANTENNA_HEADING_SIGMA_RAD,
     RecordedHeadings,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.knots import POSE, ROTATION
+from furrowmap.core.adjustment.knots import POSE, ROTATION
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.trajectory import Trajectory, same_hemisphere

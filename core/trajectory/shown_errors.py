@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import Knots, Observation, State, normal_equations
-from furrowmap.core.estimation.positions import GnssDrift
+from furrowmap.core.adjustment.banded import NormalEquations
+from furrowmap.core.adjustment.knots import Knots, Observation, State, normal_equations
+from furrowmap.core.adjustment.positions import GnssDrift
 from furrowmap.core.trajectory.inertial_adjustment import Fitted, beside_positions, fitted
 from furrowmap.core.trajectory.inertial_start import InertialProblem
 

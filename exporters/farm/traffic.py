@@ -12,9 +12,9 @@ from rasterio import Affine
 from rasterio.enums import MergeAlg
 from rasterio.features import rasterize
 
+from furrowmap.core.coverage.wheel_traffic import wheel_passages
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.work.wheel_traffic import wheel_passages
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import share_done, windows

@@ -10,6 +10,9 @@ from typing import Any, Final
 import numpy as np
 from pyproj import CRS
 
+from furrowmap.core.coverage.field_surfaces import FieldPoints, FieldTile, SoilMoved, SoilSums, tool_passages
+from furrowmap.core.coverage.strip_outlines import StripGround, StripOutlines
+from furrowmap.core.coverage.tool_edges import ToolEdges
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.surfaces import cloud_tiles
 from furrowmap.core.runtime.arrays import FloatArray
@@ -20,9 +23,6 @@ from furrowmap.core.surfaces.mean_change import MeanChange
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.visits import SWATH_BLOCK, SwathDifferences, SwathSums
 from furrowmap.core.values.session import Implement
-from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, SoilMoved, SoilSums, tool_passages
-from furrowmap.core.work.strip_outlines import StripGround, StripOutlines
-from furrowmap.core.work.tool_edges import ToolEdges
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CHANGE,

@@ -19,7 +19,8 @@ from rasterio.transform import Affine
 from rasterio.vrt import WarpedVRT
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.dates.pair_tie import GroundPair, PairTie
+from furrowmap.core.coregistration.pair_tie import GroundPair, PairTie
+from furrowmap.core.coverage.field_surfaces import BESIDE_M
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.raster_heights import plain_heights
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
@@ -27,7 +28,6 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.mean_change import ChangeSums, MeanChange
 from furrowmap.core.surfaces.moved_surface import move_surface, reach_cells
-from furrowmap.core.work.field_surfaces import BESIDE_M
 from furrowmap.exporters.farm.surface_file import OpenSurface, SurfaceFile, surface_file, unusable, warp_options
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder

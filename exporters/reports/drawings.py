@@ -10,13 +10,13 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.session.frames import BASE, FrameTree
 from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathDifferences
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import Motion, ScanPoses
-from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.rasters.relief import Box
 from furrowmap.exporters.reports.svg import (
     WIDTH,

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from furrowmap.core.checking.evaluation import Evaluation
+from furrowmap.core.accuracy.evaluation import Evaluation
 from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.earth import SEMI_MAJOR_M

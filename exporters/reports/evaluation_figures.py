@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.checking.evaluation import DEFINITIONS, QUANTILES, ErrorStatistics, Evaluation
+from furrowmap.core.accuracy.evaluation import DEFINITIONS, QUANTILES, ErrorStatistics, Evaluation
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.files.csv_cells import write_csv

@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import shapely
 
-from furrowmap.core.checking.evaluation import DEFINITIONS, QUANTILES, ErrorTable, Evaluation
+from furrowmap.core.accuracy.evaluation import DEFINITIONS, QUANTILES, ErrorTable, Evaluation
 from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
 from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.runtime.arrays import FloatArray

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.crops.response import Response, column_words, dose_name, parcel_doses
 from furrowmap.core.geodesy.local_time import span_words
+from furrowmap.core.implement.model import SeenImplement
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan import PointClass
-from furrowmap.core.work.model import SeenImplement
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
 from furrowmap.exporters.rasters.relief import shaded_ground

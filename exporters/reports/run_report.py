@@ -13,25 +13,25 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.boresight import BORESIGHT_NAMES, Boresight
-from furrowmap.core.adjustment.consistency import Cause
-from furrowmap.core.checking.check import CHECK_POINTS_OFF
+from furrowmap.core.accuracy.check import CHECK_POINTS_OFF
+from furrowmap.core.coverage.field_work import FieldWork
+from furrowmap.core.coverage.ground import AreaFigure, WorkedGround
+from furrowmap.core.coverage.strip_outlines import StripGround
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
+from furrowmap.core.implement.external_states import NEAR_S
+from furrowmap.core.matching.consistency import Cause
 from furrowmap.core.pipeline.notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
+from furrowmap.core.strips.boresight import BORESIGHT_NAMES, Boresight
 from furrowmap.core.trajectory.motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.scan import PointClass, named_offset
 from furrowmap.core.values.tool_states import SectionStates, ToolState
 from furrowmap.core.values.trajectory import SIGMA_NAMES
-from furrowmap.core.work.external_states import NEAR_S
-from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import AreaFigure, WorkedGround
-from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import FileRecord

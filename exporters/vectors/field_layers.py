@@ -9,15 +9,15 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from furrowmap.core.coverage.field_work import FieldWork
+from furrowmap.core.coverage.ground import AreaFigure, FieldPlace
+from furrowmap.core.coverage.strip_outlines import StripGround
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.strips.strip_differences import StripDifferences
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import SIGMA_NAMES, SOURCE_NAMES, Motion, ScanPoses
-from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import AreaFigure, FieldPlace
-from furrowmap.core.work.strip_differences import StripDifferences
-from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.files.csv_cells import write_csv
 
 HEADER: Final = ("time", "t_s", "state", "sigma_s", "confidence", "common_share")

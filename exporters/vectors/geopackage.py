@@ -13,11 +13,11 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.readers.ogr_layers import layer_info, read_layer_arrays
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.trajectory import ScanPoses
-from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles

@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
+from furrowmap.core.coverage.task_work import TaskWork, TaskWorks
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.trajectory import ScanPoses
-from furrowmap.core.work.task_work import TaskWork, TaskWorks
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.vectors.field_layers import (
     Columns,

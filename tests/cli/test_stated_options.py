@@ -15,11 +15,11 @@ import pytest
 import rasterio
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.checking.evaluation import evaluate
+from furrowmap.core.accuracy.evaluation import evaluate
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.settings import SurfaceSettings
 from tests.app.share.test_export import write_report
-from tests.core.work.drives_with_tool import FRAME
+from tests.core.implement.drives_with_tool import FRAME
 from tests.exporters.vectors.worked_field import worked_field
 
 CHECKOUT = Path(__file__).resolve().parents[2]

@@ -15,10 +15,10 @@ from pyproj import CRS
 
 from furrowmap.cli import batch, calibrate, clouds, crops, farm, fields, gnss, session
 from furrowmap.cli.tables import MAX_PARCELS, file_size, parcel_table
-from furrowmap.core.checking.check import Accuracy, Check, Component
-from furrowmap.core.checking.evaluation import Age, Continuity, ErrorStatistics
-from furrowmap.core.checking.paired_points import PairedPoints
-from furrowmap.core.checking.point_check import InternalPrecision
+from furrowmap.core.accuracy.check import Accuracy, Check, Component
+from furrowmap.core.accuracy.evaluation import Age, Continuity, ErrorStatistics
+from furrowmap.core.accuracy.paired_points import PairedPoints
+from furrowmap.core.accuracy.point_check import InternalPrecision
 from furrowmap.core.values.machine import Calibrated, Machine, MachineCamera, MachineImplement, MachineImu
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import Antenna, Lidar

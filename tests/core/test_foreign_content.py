@@ -23,7 +23,7 @@ from furrowmap.core.geodesy.projection import read_parameters
 from furrowmap.core.pipeline.session_aid import read_pixels
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
-from furrowmap.core.readers.exif import read_image_table
+from furrowmap.core.readers.image_table import read_image_table
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import InputError

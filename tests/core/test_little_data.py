@@ -9,9 +9,9 @@ import pytest
 import rasterio
 from pyproj import CRS
 
-from furrowmap.core.checking.check import Component
-from furrowmap.core.checking.cloud_at_points import local_plane
-from furrowmap.core.checking.point_check import surface_at_points
+from furrowmap.core.accuracy.check import Component
+from furrowmap.core.accuracy.cloud_at_points import local_plane
+from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.geodesy.coordinates import check_datum
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.trajectory.motion import _runs

@@ -18,18 +18,21 @@ from pyproj import CRS
 
 import furrowmap
 from furrowmap.cli.options import value_of
-from furrowmap.core.checking.receivers import evaluate_logs
+from furrowmap.core.accuracy.receivers import evaluate_logs
+from furrowmap.core.adjustment.banded import NormalEquations
+from furrowmap.core.coverage.task_work import task_works
 from furrowmap.core.crops.response import fit_logistic
 from furrowmap.core.crops.trial_tables import read_treatments
-from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.geodesy.projection import read_parameters
 from furrowmap.core.images.board import expect_opencv
+from furrowmap.core.implement.external_states import external_states
+from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pipeline.notices import refuse_empty
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers import text_table
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
-from furrowmap.core.readers.exif import expect_pillow
+from furrowmap.core.readers.image_pixels import expect_pillow
 from furrowmap.core.readers.text_table import MAX_SHEET_BYTES, read_table
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
@@ -38,9 +41,6 @@ from furrowmap.core.session.file import parse_session
 from furrowmap.core.trajectory.inertial_checks import TurnedMounting, turned_mounting
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import trajectory_from_attitude
-from furrowmap.core.work.external_states import external_states
-from furrowmap.core.work.saved import load_implement
-from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.vectors import FORMATS, write_vectors
 from furrowmap.exporters.farm import geopackage
 from furrowmap.exporters.files.provenance import Origin
@@ -173,7 +173,7 @@ def test_implements__of_another_form(changed: dict[str, object], words: str, tmp
         "form": 1, "turn": np.zeros(4), "grid": np.array([0.0, 0.0, 3.0, 3.0]), "levels": np.zeros(5),
         "usual": np.zeros(3), "odds": np.zeros((3, 3)), "columns": np.zeros(3), "still_m": np.zeros((2, 3)),
     }  # fmt: skip
-    from furrowmap.core.work import saved
+    from furrowmap.core.implement import saved
 
     arrays |= {
         "form": saved.FILE_FORM,

@@ -20,10 +20,11 @@ from pyproj import CRS
 import furrowmap
 from furrowmap import CleanSettings, SurfaceSettings, clean, surface
 from furrowmap.cli.main import command_line
-from furrowmap.core.checking.evaluation import evaluate
-from furrowmap.core.checking.receivers import evaluate_logs
+from furrowmap.core.accuracy.evaluation import evaluate
+from furrowmap.core.accuracy.receivers import evaluate_logs
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.implement.external_states import compare_states, external_states
 from furrowmap.core.pipeline.notices import placement_notices, refuse_empty, session_notices
 from furrowmap.core.pointclouds.clouds import no_points_error, open_clouds
 from furrowmap.core.pointclouds.placed import Placement
@@ -49,7 +50,6 @@ from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.tool_states import ToolStates
-from furrowmap.core.work.external_states import compare_states, external_states
 from furrowmap.results import read_raster
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_sbet import records

@@ -14,7 +14,7 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.checking.receivers import evaluate_logs
+from furrowmap.core.accuracy.receivers import evaluate_logs
 from furrowmap.core.geodesy import projection
 from furrowmap.core.geodesy.crs_change import crs_of
 from furrowmap.core.geodesy.projection import height_system, read_parameters

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.adjustment.steps import COARSE_EVERY
-from furrowmap.core.estimation.knots import KNOT_STEP_S, knots_over
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, knots_over
 from furrowmap.core.matching.portions import windows
+from furrowmap.core.matching.steps import COARSE_EVERY
 from furrowmap.core.runtime import memory, settings
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.session.file import MAX_PLACE_M, parse_session

@@ -10,8 +10,8 @@ import geopandas as gpd
 import numpy as np
 import pytest
 
+from furrowmap.core.coverage.field_work import SOIL_SIGMA_M
 from furrowmap.core.values.margins import with_margin
-from furrowmap.core.work.field_work import SOIL_SIGMA_M
 from furrowmap.exporters.files.result_folder import open_result, packaged_style
 from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.share.features import shared_layer

@@ -8,8 +8,10 @@ from typing import Any, Final
 
 from PIL import Image
 
-from furrowmap.core.readers.exif import exif_images, image_size, is_image_table, read_image_table, read_pixels
+from furrowmap.core.readers.exif import exif_images
 from furrowmap.core.readers.exposure_marks import read_marks
+from furrowmap.core.readers.image_pixels import image_size, read_pixels
+from furrowmap.core.readers.image_table import is_image_table, read_image_table
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.workflows.live.background import open_background

@@ -10,12 +10,12 @@ import pysbf2
 import pyubx2
 
 from furrowmap.core.readers.novatel.log import crc
+from tests.core.coverage.section_tasks import elements_xml
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_gsof import epoch, transmission
 from tests.core.readers.test_novatel import BINARY, TEXT, bestnav, bestpos, unicore_binary
 from tests.core.readers.test_sbet import records
 from tests.core.readers.test_sbf import pvt
-from tests.core.work.section_tasks import elements_xml
 from tests.fuzz.mutations import Files
 from tests.fuzz.reading import EACH_WAY, OF_THE_FOLDER
 from tests.fuzz.trials import Entry

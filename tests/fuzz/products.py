@@ -12,13 +12,13 @@ import pyproj
 import shapely
 
 from furrowmap.cli.worker import _arguments
+from furrowmap.core.implement.model import SideTemplate, SideViewGrid
+from furrowmap.core.implement.near_scans import IMAGE_COLUMNS
+from furrowmap.core.implement.saved import load_implement, save_implement
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.simulator.scenario import load_scenario
-from furrowmap.core.work.model import SideTemplate, SideViewGrid
-from furrowmap.core.work.near_scans import IMAGE_COLUMNS
-from furrowmap.core.work.saved import load_implement, save_implement
 from furrowmap.workflows.share.export import export
-from tests.core.work.test_tool_history import TILLER
+from tests.core.implement.test_tool_history import TILLER
 from tests.exporters.farm.result_folders import write_result
 from tests.fuzz.mutations import Files
 from tests.fuzz.trials import Entry

@@ -14,6 +14,7 @@ import openpyxl
 import shapely
 
 from furrowmap import fields
+from furrowmap.core.coverage.boundary import field_boundary
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.trial_tables import read_treatments
 from furrowmap.core.geodesy.projection import map_frame, read_parameters
@@ -23,7 +24,6 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.values.session import Crs
-from furrowmap.core.work.boundary import field_boundary
 from tests.core.geodesy.test_coordinates import QUARTER
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_boundary import RING, agopengps_folder

@@ -25,11 +25,12 @@ import shapely
 from PIL import Image
 
 import furrowmap
+from furrowmap.core.implement.near_scans import IMAGE_COLUMNS
+from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.values.gnss import GnssTrack
-from furrowmap.core.work.near_scans import IMAGE_COLUMNS
-from furrowmap.core.work.saved import save_implement
+from tests.core.implement.test_tool_history import TILLER
 from tests.core.readers import hesai_packets
 from tests.core.readers.image_bags import filmed
 from tests.core.readers.inertial_bags import turning_imu
@@ -45,7 +46,6 @@ from tests.core.readers.test_sbet import records
 from tests.core.readers.test_sbf import pvt
 from tests.core.readers.vectornav_logs import common, grouped
 from tests.core.readers.velodyne_packets import frames, position_packet, rmc, turning, write_pcap
-from tests.core.work.test_tool_history import TILLER
 
 DRIVE: Final = """
 title = "One short pass"

@@ -13,7 +13,7 @@ import pytest
 import trimesh
 from pyproj import CRS
 
-from furrowmap.core.checking.check import check_product
+from furrowmap.core.accuracy.check import check_product
 from furrowmap.core.pointclouds.clouds import open_clouds
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray

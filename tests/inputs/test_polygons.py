@@ -17,6 +17,7 @@ import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.coverage.boundary import field_boundary, ground_to_map
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.areas.area import read_area
@@ -24,7 +25,6 @@ from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.trial_files import TrialFiles
 from furrowmap.core.values.session import Crs
-from furrowmap.core.work.boundary import field_boundary, ground_to_map
 
 MAP = CRS.from_epsg(25832)
 FRAME = map_frame(Crs(map="EPSG:25832"))

@@ -18,6 +18,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.coverage.boundary import boundary_on_map
 from furrowmap.core.geodesy.coordinates import transform_poses, transform_track
 from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.geodesy.projection import map_frame
@@ -30,7 +31,6 @@ from furrowmap.core.session.opened import Inputs, OpenSession
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within
-from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.batch_state import Failure, Stamp
 from furrowmap.workflows.batch.places import fetch_session, scratch

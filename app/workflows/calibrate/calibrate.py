@@ -8,9 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from furrowmap.core.adjustment.session_match import match_session
-from furrowmap.core.adjustment.strip_adjustment import calibrate_flight
-from furrowmap.core.adjustment.strips import strip_returns
+from furrowmap.core.matching.session_match import match_session
 from furrowmap.core.pipeline.solution import companions
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
@@ -19,6 +17,8 @@ from furrowmap.core.runtime.settings import using_threads
 from furrowmap.core.session.machine import LearnedMounting, learned, load_machine
 from furrowmap.core.session.opened import OpenSession, open_session, watched
 from furrowmap.core.session.toml_edit import with_value
+from furrowmap.core.strips.strip_adjustment import calibrate_flight
+from furrowmap.core.strips.strips import strip_returns
 from furrowmap.core.trajectory.located import Located, locate
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.values.margins import margin

@@ -20,7 +20,9 @@ from furrowmap.core.images.board import (
     mount_attitude,
 )
 from furrowmap.core.readers.csv_file import unix_time
-from furrowmap.core.readers.exif import exif_images, expect_pillow, is_image_table, read_image_table, read_pixels
+from furrowmap.core.readers.exif import exif_images
+from furrowmap.core.readers.image_pixels import expect_pillow, read_pixels
+from furrowmap.core.readers.image_table import is_image_table, read_image_table
 from furrowmap.core.readers.video import VIDEO_SUFFIXES, Video
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError

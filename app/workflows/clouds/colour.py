@@ -16,7 +16,7 @@ from furrowmap.core.pipeline.solution import companions, ground_scale
 from furrowmap.core.pointclouds.cleaning import clean_points
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
-from furrowmap.core.readers.exif import expect_pillow
+from furrowmap.core.readers.image_pixels import expect_pillow
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.progress import Progress, silent

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from furrowmap.core.coverage.task_work import task_works
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.vectors.task_fields import task_figures, write_fields
 

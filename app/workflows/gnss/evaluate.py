@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from furrowmap.core.checking.evaluation import Evaluation
-from furrowmap.core.checking.receivers import evaluate_logs
+from furrowmap.core.accuracy.evaluation import Evaluation
+from furrowmap.core.accuracy.receivers import evaluate_logs
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.reports.evaluation_figures import table_rows

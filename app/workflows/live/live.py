@@ -13,7 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from furrowmap.core.coverage.worked_cells import MISSED, OVERLAP, WORKED, Tile
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.live.difference import LIVE_LOG, LOGGED
 from furrowmap.core.live.session import LiveScan, LiveSession, warm_up
 from furrowmap.core.readers.arrived_scans import ScanStream
@@ -24,8 +26,6 @@ from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.session.proposal import FILL_IN
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.work.saved import load_implement
-from furrowmap.core.work.worked_cells import MISSED, OVERLAP, WORKED, Tile
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.plain_files import append_to
 from furrowmap.workflows.live.background import BackgroundMap, open_background

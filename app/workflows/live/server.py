@@ -22,8 +22,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.coverage.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, WorkedCells
 from furrowmap.core.runtime.supervised import SupervisedThread
-from furrowmap.core.work.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, WorkedCells
 from furrowmap.exporters.reports.pages import render
 from furrowmap.workflows.live.background import BackgroundMap, kind_of
 from furrowmap.workflows.live.hosts import OwnHosts

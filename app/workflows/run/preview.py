@@ -7,6 +7,8 @@ from typing import Any, Final
 
 import msgspec
 
+from furrowmap.core.coverage.boundary import ground_to_map
+from furrowmap.core.coverage.field_surfaces import FieldPoints
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline import preview as preview_story
@@ -22,8 +24,6 @@ from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.trajectory.motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.trajectory import ScanPoses
-from furrowmap.core.work.boundary import ground_to_map
-from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.exporters.files.file_records import files_in, name_from
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK

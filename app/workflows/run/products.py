@@ -16,13 +16,15 @@ import msgspec
 import numpy as np
 import tomli_w
 
-from furrowmap.core.checking.check import CHECK_POINTS_OFF, HeldHeights
-from furrowmap.core.checking.point_check import surface_at_points
+from furrowmap.core.accuracy.check import CHECK_POINTS_OFF, HeldHeights
+from furrowmap.core.accuracy.point_check import surface_at_points
+from furrowmap.core.coverage.field_surfaces import MAX_REACH_M, FieldPoints
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.crops.placement import ParcelShift
 from furrowmap.core.features.cloud_features import FoundFeatures, classify_features, measure_density
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
+from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import open_clouds
@@ -38,8 +40,6 @@ from furrowmap.core.surfaces.local_ground import GroundSampler
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.session import FeatureSearch, Session
 from furrowmap.core.values.time_span import Interval, interval_numbers
-from furrowmap.core.work.field_surfaces import MAX_REACH_M, FieldPoints
-from furrowmap.core.work.saved import save_implement
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.layers import ChunkColumns
 from furrowmap.exporters.cloud.points import PointBatch

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 import numpy as np
 
+from furrowmap.core.coverage.boundary import ground_to_map
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.live.difference import live_difference
@@ -33,7 +34,6 @@ from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user, threads, using, using_threads
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.work.boundary import ground_to_map
 from furrowmap.exporters.files.atomic import atomic_output, refuse_open
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.plain_files import refuse_unlike_products
@@ -42,7 +42,7 @@ from furrowmap.exporters.files.staging import kept, recover, staged_folder
 from furrowmap.process import importing
 
 if TYPE_CHECKING:
-    from furrowmap.core.adjustment.session_match import MatchedSession
+    from furrowmap.core.matching.session_match import MatchedSession
     from furrowmap.results import Result
     from furrowmap.workflows.run.products import RunProducts
 
@@ -174,7 +174,7 @@ class KeptMatching:
         """What an earlier run kept; None for nothing, or that of another session."""
         if not self._path.is_file():
             return None
-        from furrowmap.core.adjustment.session_match import MatchedSession
+        from furrowmap.core.matching.session_match import MatchedSession
 
         try:
             data = np.memmap(self._path, np.uint8, "r").data

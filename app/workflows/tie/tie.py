@@ -15,10 +15,11 @@ import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.checking.point_check import surface_at_points
-from furrowmap.core.dates.network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
-from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair, tie_points
-from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
+from furrowmap.core.accuracy.point_check import surface_at_points
+from furrowmap.core.coregistration.network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
+from furrowmap.core.coregistration.pair_tie import PLACE_TERMS, PairTie, tie_pair, tie_points
+from furrowmap.core.coregistration.upright import Upright, find_uprights, join_uprights, tie_uprights
+from furrowmap.core.coverage.field_surfaces import BESIDE_M
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
 from furrowmap.core.readers.surveyed_points import SurveyOptions, may_hold_points
 from furrowmap.core.runtime.arrays import FloatArray
@@ -29,7 +30,6 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.moved_surface import move_places
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.scan import PointClass
-from furrowmap.core.work.field_surfaces import BESIDE_M
 from furrowmap.exporters.farm.surface_file import OpenSurface, heights_of, open_surface, same_map, surface_file
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin

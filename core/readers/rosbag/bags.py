@@ -13,9 +13,9 @@ from typing import Any, ClassVar, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.exif import MAX_PIXELS, layout_fault
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts
 from furrowmap.core.readers.hesai.captures import HESAI
+from furrowmap.core.readers.image_pixels import MAX_PIXELS, layout_fault
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.inertial_rows import attitude_facts, imu_notices, inertial_facts, inspected_track
 from furrowmap.core.readers.ouster.captures import looks_like_data, sensors_of

@@ -21,6 +21,7 @@ import pytest
 
 import furrowmap
 from furrowmap.cli.main import command_line
+from furrowmap.core.coverage.worked_cells import TILE_CELLS, WORKED, WorkedCells
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.live.poses import LivePose
 from furrowmap.core.readers.arrived_scans import ScanStream
@@ -32,7 +33,6 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.machine import Machine
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs, Recording
-from furrowmap.core.work.worked_cells import TILE_CELLS, WORKED, WorkedCells
 from furrowmap.workflows.live.feeds import FolderFeed
 from furrowmap.workflows.live.live import Outlets, in_languages
 from furrowmap.workflows.live.nmea import sentences

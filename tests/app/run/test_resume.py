@@ -16,7 +16,7 @@ import pytest
 from pandas.testing import assert_frame_equal
 
 import furrowmap
-from furrowmap.core.adjustment import session_match
+from furrowmap.core.matching import session_match
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import locate
 from furrowmap.exporters.files.file_records import FileRecord

@@ -18,7 +18,7 @@ from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
-from tests.core.work.section_tasks import CRS, drawn_drill, straight_boom
+from tests.core.coverage.section_tasks import CRS, drawn_drill, straight_boom
 
 SESSION = """furrowmap = 1
 name = "Harvest"

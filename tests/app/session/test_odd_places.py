@@ -13,6 +13,7 @@ import pytest
 import furrowmap
 from furrowmap import InputError
 from furrowmap.cli.main import attempt
+from furrowmap.core.implement.saved import load_implement, save_implement
 from furrowmap.core.live.difference import LIVE_LOG, live_difference
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.spinning.model import AngleTable
@@ -21,11 +22,10 @@ from furrowmap.core.runtime.file_names import found_beside
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.session import EXAMPLES
-from furrowmap.core.work.saved import load_implement, save_implement
 from furrowmap.workflows.live.feeds import recorder_status
 from tests.app.obstacles import OBSTACLES, obstacle
+from tests.core.implement.test_tool_history import TILLER
 from tests.core.readers.test_nmea import gga, write
-from tests.core.work.test_tool_history import TILLER
 from tests.exporters.farm.result_folders import field
 
 SESSION = """furrowmap = 1

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.coarse import CoarseGrid
-from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain
-from furrowmap.core.estimation.registration import Patches
+from furrowmap.core.adjustment.coarse import CoarseGrid
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, Chain
+from furrowmap.core.adjustment.registration import Patches
 from furrowmap.core.matching.ground import (
     CORRELATED,
     NOISE_M,

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, fine_step
-from furrowmap.core.estimation.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, State, knots_over, place, turns
-from furrowmap.core.estimation.registration import Patches, free_patches, stored
+from furrowmap.core.adjustment.banded import NormalEquations
+from furrowmap.core.adjustment.coarse import CoarseKnots, coarse_equations, fine_step
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, State, knots_over, place, turns
+from furrowmap.core.adjustment.registration import Patches, free_patches, stored
 from furrowmap.core.matching.ground import ChainPoses, GroundSums, PlacedReturns, Relief, register_ground
 from furrowmap.core.matching.surface import add_returns, empty_surface, tiles_over
 
@@ -264,7 +264,7 @@ def test_stored__patches_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
         Patches(*(rng.integers(0, 9, (n, 3)), rng.integers(0, 9, n)), *(rng.normal(size=(n, k)) for k in (21, 21, 6)))
         for n in (2, 0, 3, 1, 4, 2)
     ]
-    monkeypatch.setattr("furrowmap.core.estimation.registration.MIN_STORED_ROWS", 5)
+    monkeypatch.setattr("furrowmap.core.adjustment.registration.MIN_STORED_ROWS", 5)
     found = stored(iter(parts))
     assert found[0].early.base is found[2].early.base  # of the first five rows
     for one, same in zip(parts, found, strict=True):

@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.coarse import CoarseGrid, CoarseKnots, coarse_equations
-from furrowmap.core.estimation.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, State
-from furrowmap.core.estimation.registration import Patches, SliceSums, free_patches
+from furrowmap.core.adjustment.banded import NormalEquations
+from furrowmap.core.adjustment.coarse import CoarseGrid, CoarseKnots, coarse_equations
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, State
+from furrowmap.core.adjustment.registration import Patches, SliceSums, free_patches
 from furrowmap.core.matching.ground import ChainPoses
 from furrowmap.core.matching.walls import (
     MAX_WALL_RANGE_M,

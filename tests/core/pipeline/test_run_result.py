@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.adjustment.consistency import Seen
-from furrowmap.core.adjustment.matched import Matched
-from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
+from furrowmap.core.matching.consistency import Seen
+from furrowmap.core.matching.matched import Matched
+from furrowmap.core.matching.mounting_calibration import MountingCalibration
 from furrowmap.core.pipeline.run_result import unconfirmed_places
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.file import parse_session

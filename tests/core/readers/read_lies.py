@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from furrowmap.core.readers.exif import read_pixels
+from furrowmap.core.readers.image_pixels import read_pixels
 from furrowmap.core.readers.las.cloud import open_cloud, survey
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.errors import FurrowmapError, InputError

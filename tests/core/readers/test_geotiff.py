@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import rasterio
 
-from furrowmap.core.checking.point_check import surface_at_points
+from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime import memory
 from furrowmap.core.runtime.errors import InputError, RefusedError

@@ -18,7 +18,7 @@ from pyproj import CRS
 from rasterio.transform import Affine
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.checking.point_check import surface_at_points
+from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.crops.site_soil import open_soil_raster
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.surfaces.grid import Grid

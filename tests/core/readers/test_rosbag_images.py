@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from furrowmap.core.readers.exif import image_size, read_pixels
+from furrowmap.core.readers.image_pixels import image_size, read_pixels
 from furrowmap.core.readers.reader import Reader, ReadOptions
 from furrowmap.core.readers.rosbag.bags import RosBag1, RosBag2
 from furrowmap.core.runtime.errors import InputError

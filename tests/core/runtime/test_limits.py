@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from furrowmap.cli.main import attempt
+from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.readers.isoxml.content import open_task_sets
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime import memory
@@ -20,7 +21,6 @@ from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedErr
 from furrowmap.core.runtime.memory import expect_disk, expect_memory, free_memory_bytes
 from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.runtime.settings import ALLOW_VARIABLE, allowing, allows
-from furrowmap.core.work.saved import load_implement
 from tests.fuzz.positions import nmea
 
 if sys.version_info >= (3, 14):

@@ -95,9 +95,9 @@ def test_table__that_cannot_be_used_is_refused(tmp_path: Path, text: str, code: 
 
 
 def test_table__larger_than_any_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from furrowmap.core.readers import exif
+    from furrowmap.core.readers import image_table
 
-    monkeypatch.setattr(exif, "MAX_TABLE_BYTES", 10)
+    monkeypatch.setattr(image_table, "MAX_TABLE_BYTES", 10)
     (tmp_path / "images.csv").write_text("file,time_unix_s\n", encoding="utf-8")
     with pytest.raises(InputError) as refused:
         images_of(tmp_path / "session.toml", CameraSource(table="images.csv"), [])

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from furrowmap.core.coverage.field_work import ImplementTracker
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import apart, parse_session, together
@@ -16,7 +17,6 @@ from furrowmap.core.session.proposal import implement_table
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Implement, Session
 from furrowmap.core.values.trajectory import trajectory_from_attitude
-from furrowmap.core.work.field_work import ImplementTracker
 
 LEAST = """\
 furrowmap = 1

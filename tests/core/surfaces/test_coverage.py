@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from furrowmap.core.coverage.strip_outlines import COVERAGE_BLOCK, MIN_STRIP_POINTS, coverage
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import TilePoints
-from furrowmap.core.work.strip_outlines import COVERAGE_BLOCK, MIN_STRIP_POINTS, coverage
 
 BEGIN_S = 1.7e9
 

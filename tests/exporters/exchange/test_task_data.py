@@ -16,15 +16,15 @@ import shapely
 from isoxml.converter.shapely_geom import ShapelyConverterV4
 from isoxml.util.isoxml_io import isoxml_from_path
 
+from furrowmap.core.coverage.task_work import task_works
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.values.session import Crs
-from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.task_data import write_task_data
 from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.exporters.vectors.geopackage import write_field
-from tests.core.work.drives_with_tool import FRAME
+from tests.core.implement.drives_with_tool import FRAME
 from tests.exporters.vectors.worked_field import TILLER, worked_field
 
 DEGREE_M = 111_200.0

@@ -12,9 +12,9 @@ from pathlib import Path
 import shapely
 from pyproj import CRS
 
+from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.trajectory import ScanPoses
-from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.vectors.geopackage import write_field
 from tests.exporters.vectors.worked_field import worked_field
 

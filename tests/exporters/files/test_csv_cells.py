@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS
 
-from furrowmap.core.checking.point_check import CHECK_COLUMNS, PointCheck
+from furrowmap.core.accuracy.point_check import CHECK_COLUMNS, PointCheck
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.exporters.exchange.vectors import FORMATS
 from furrowmap.exporters.files.csv_cells import cell, write_csv_table

@@ -10,9 +10,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, ScanPoses
-from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.reports.drawings import (
     ACTIVITIES,
     activities,

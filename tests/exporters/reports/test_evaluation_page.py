@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.checking.evaluation import Evaluation, evaluate
+from furrowmap.core.accuracy.evaluation import Evaluation, evaluate
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.settings import using
 from furrowmap.core.values.gnss import Fix, GnssTrack

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from matplotlib import image as pictures
 
+from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.surfaces.visits import SwathSums
 from furrowmap.core.values.tool_states import ToolState, ToolStates
-from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.rasters.images import data_uri, encode_image
 from furrowmap.exporters.reports.drawings import (
     map_box,

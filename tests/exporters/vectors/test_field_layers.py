@@ -14,10 +14,10 @@ import numpy as np
 import pyogrio
 import pytest
 
+from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.runtime.settings import using
-from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.vectors.geopackage import write_field
-from tests.core.work.drives_with_tool import FRAME
+from tests.core.implement.drives_with_tool import FRAME
 from tests.exporters.vectors.worked_field import DOWN_S, worked_field
 
 if TYPE_CHECKING:

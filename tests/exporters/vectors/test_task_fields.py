@@ -8,9 +8,9 @@ import geopandas
 import pytest
 from pyproj import Geod
 
-from furrowmap.core.work.task_work import task_works
+from furrowmap.core.coverage.task_work import task_works
 from furrowmap.exporters.vectors.task_fields import write_fields
-from tests.core.work.test_task_work import passes
+from tests.core.coverage.test_task_work import passes
 
 CORNERS = [(141.339, 43.049), (141.341, 43.049), (141.341, 43.051)]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
+from furrowmap.core.coverage.field_work import FieldWork, events, pass_depths, tool_paths
+from furrowmap.core.coverage.ground import worked_ground
+from furrowmap.core.implement.states import ToolHistory
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import ScanPoses
-from furrowmap.core.work.field_work import FieldWork, events, pass_depths, tool_paths
-from furrowmap.core.work.ground import worked_ground
-from furrowmap.core.work.states import ToolHistory
+from tests.core.implement.drives_with_tool import FRAME, states_of, trajectory_of
 from tests.core.trajectory.drives import drive
-from tests.core.work.drives_with_tool import FRAME, states_of, trajectory_of
 
 TILLER = Implement(width_m=1.7, xy_m=(-1.5, 0.0), working_depth_m=0.12)
 LEGS = ((20, 1.0, 0), (8, 1.0, 24.6), (20, 1.0, 0), (4, 0, 0), (8, 1.0, 24.6), (20, 1.0, 0))

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from furrowmap.core.coverage.task_work import task_works
 from furrowmap.core.readers.isoxml.log import LoggedTask, TaskDataLog, read_tasks
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.values.sections import Link
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.core.work.task_work import task_works
+from tests.core.coverage.section_tasks import elements_xml
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
-from tests.core.work.section_tasks import elements_xml
 
 STATE, CONDENSED, WIDTH, MAXIMUM, DEFAULT, AHEAD, RIGHT, CONNECTOR = 141, 161, 67, 70, 68, 134, 135, 157
 Part = tuple[str, int, int, dict[int, int]]

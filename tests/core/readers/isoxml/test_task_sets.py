@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from furrowmap.core.coverage.task_work import task_works
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.isoxml.content import MAIN
 from furrowmap.core.readers.isoxml.log import TaskDataLog, read_tasks
@@ -16,7 +17,6 @@ from furrowmap.core.readers.isoxml.time_log import read_time_log
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.core.work.task_work import task_works
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 
 CHANNELS = [(141, "DET-1"), (67, "DET-1")]

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from furrowmap.core.coverage.task_work import task_works
 from furrowmap.core.readers.isoxml.time_log import EPOCH_S, TimeLog, read_header, read_time_log
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.work.task_work import task_works
 from tests.core.readers.isoxml.time_logs import Record, header
 
 CHANNELS = [(67, "DET-1"), (141, "DET-1"), (116, "DET-2")]

@@ -1,0 +1,1 @@
+"""The worked ground: passes, areas, overlaps, misses, and the soil moved."""

@@ -1,0 +1,1 @@
+"""The implement: detection in scans, height, and states."""

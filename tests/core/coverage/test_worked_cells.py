@@ -1,0 +1,50 @@
+"""Cells of the ground worked, against areas known from geometry."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furrowmap.core.coverage.worked_cells import MISSED, OVERLAP, WORKED, WorkedCells
+
+
+def drive(cells: WorkedCells, start_m: tuple[float, float], heading_rad: float, length_m: float, way_m: float) -> float:
+    """Work a straight pass of 2 m width in steps of 0.13 m; gives the way at its end."""
+    ahead = np.array([np.cos(heading_rad), np.sin(heading_rad)])
+    left = np.array([-ahead[1], ahead[0]])
+    along = np.append(np.arange(0.0, length_m, 0.13), length_m)
+    lines = [np.array([start_m + a * ahead - left, start_m + a * ahead + left]) for a in along]
+    for before, after, a in zip(lines[:-1], lines[1:], along[1:], strict=True):
+        cells.add_line(before, after, way_m + a)
+    cells.end_pass()
+    return way_m + length_m
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 0.7])
+def test_areas__of_two_passes_are_those_of_geometry(heading_rad: float) -> None:
+    cells = WorkedCells(2.0)
+    left = np.array([-np.sin(heading_rad), np.cos(heading_rad)])
+    way = drive(cells, (-3.0, 5.0), heading_rad, 30.0, 0.0)
+    assert cells.area_m2(WORKED) == pytest.approx(60.0, rel=0.01)
+    assert cells.area_m2(OVERLAP) == 0.0
+    # The next pass leaves a strip of 0.4 m; the third one works 0.5 m of the second again.
+    way = drive(cells, tuple(np.array([-3.0, 5.0]) + 2.4 * left), heading_rad, 30.0, way)
+    drive(cells, tuple(np.array([-3.0, 5.0]) + 3.9 * left), heading_rad, 30.0, way)
+    for _ in range(400):
+        cells.look_for_misses()
+    assert cells.area_m2(WORKED) == pytest.approx(60.0 + 60.0 + 45.0, rel=0.01)
+    assert cells.area_m2(OVERLAP) == pytest.approx(15.0, rel=0.03)
+    assert cells.area_m2(MISSED) == pytest.approx(12.0, rel=0.05)
+    states = np.concatenate([state.ravel() for state in cells.tiles().values()])
+    assert np.bincount(states, minlength=4)[1:].tolist() == cells.count[1:].tolist()
+
+
+def test_misses__are_worked_once_the_tool_comes_back() -> None:
+    cells = WorkedCells(2.0)
+    way = drive(cells, (0.0, 0.0), 0.0, 10.0, 0.0)
+    way = drive(cells, (0.0, 2.5), 0.0, 10.0, way)
+    for _ in range(100):
+        cells.look_for_misses()
+    assert cells.area_m2(MISSED) == pytest.approx(5.0, rel=0.1)
+    drive(cells, (0.0, 1.2), 0.0, 10.0, way)
+    assert cells.area_m2(MISSED) == pytest.approx(0.0, abs=0.2)
