@@ -64,7 +64,10 @@ def _writable_folder(name: str, module: str) -> Path | None:
 
 @cache
 def sources_digest(module: str) -> str:
-    """SHA-1 of the sources of an imported module and of all modules of furrowmap that it imports."""
+    """SHA-1 of the names and sources of an imported module and of all modules of furrowmap that it imports.
+
+    The names, too: numba keeps that of the module in each kernel, and imports it when the kernel is loaded.
+    """
     found = {module: source_text(module)}
     waiting = [module]
     while waiting:
@@ -72,7 +75,8 @@ def sources_digest(module: str) -> str:
             if name not in found and getattr(sys.modules.get(name), "__file__", None):
                 found[name] = source_text(name)
                 waiting.append(name)
-    return hashlib.sha1("\0".join(found[name] for name in sorted(found)).encode(), usedforsecurity=False).hexdigest()
+    texts = (part for name in sorted(found) for part in (name, found[name]))
+    return hashlib.sha1("\0".join(texts).encode(), usedforsecurity=False).hexdigest()
 
 
 @cache

@@ -71,6 +71,19 @@ def test_sources__of_a_kernel_are_its_module_and_all_that_it_imports(
     assert digest("here", a_constant="K = 2\n") != first
 
 
+def test_sources__that_moved_have_kernels_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """numba imports the module of a kernel that it loads, by the name that it had when the kernel was compiled."""
+    digests = set()
+    for name in ("furrowmap.a_room.a_kernel", "furrowmap.another_room.a_kernel"):
+        module = types.ModuleType(name)
+        file = tmp_path / f"{name}.py"
+        file.write_text("K = 1\n")
+        module.__file__ = str(file)
+        monkeypatch.setitem(sys.modules, name, module)
+        digests.add(sources_digest(name))
+    assert len(digests) == 2
+
+
 def test_no_place_to_write__serves_this_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "cache").write_text("a file where a folder should be")
     monkeypatch.setenv(CACHE_VARIABLE, "")
