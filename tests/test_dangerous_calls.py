@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ast
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import cache
 
 import pytest
 
-from tests.conftest import CHECKOUT
+from tests.syntax import CHECKOUT, files, nodes
 
 FOLDERS = ("app", "cli", "core", "exporters", "plugin")
 MODULES = {
@@ -61,11 +62,9 @@ TEMPLATES = {"tr", "self.tr", "QCoreApplication.translate", "SQL"}
 """Functions whose results are texts of the product: translations, and psycopg's SQL, which quotes."""
 
 
-def product() -> Iterator[tuple[str, ast.Module]]:
+def product() -> Iterator[tuple[str, Iterable[ast.AST]]]:
     """Each file of the product and its syntax."""
-    for folder in FOLDERS:
-        for path in sorted((CHECKOUT / folder).rglob("*.py")):
-            yield path.relative_to(CHECKOUT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+    return ((path.relative_to(CHECKOUT).as_posix(), nodes(path)) for path in files(*FOLDERS))
 
 
 def is_own_text(node: ast.expr) -> bool:
@@ -75,9 +74,9 @@ def is_own_text(node: ast.expr) -> bool:
     return isinstance(node, ast.Constant) or (isinstance(node, ast.Call) and ast.unparse(node.func) in TEMPLATES)
 
 
-def dangers(tree: ast.AST) -> Iterator[str]:
+def dangers(syntax: Iterable[ast.AST]) -> Iterator[str]:
     """The names of what is dangerous in a file."""
-    for node in ast.walk(tree):
+    for node in syntax:
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and not node.level:
@@ -103,7 +102,7 @@ def dangers(tree: ast.AST) -> Iterator[str]:
 
 
 def test_promise_23__what_could_run_foreign_code_is_only_where_it_is_listed() -> None:
-    found = {(file, danger) for file, tree in product() for danger in dangers(tree)}
+    found = {(file, danger) for file, syntax in product() for danger in dangers(syntax)}
     assert found == ALLOWED.keys()
 
 
@@ -173,9 +172,9 @@ NO_INPUTS = {
 """Files that open what no user gives as an input."""
 
 
-def reads(tree: ast.AST) -> Iterator[str]:
+def reads(syntax: Iterable[ast.AST]) -> Iterator[str]:
     """The calls in a file that open another to read it."""
-    for node in ast.walk(tree):
+    for node in syntax:
         if not isinstance(node, ast.Call):
             continue
         called = ast.unparse(node.func)
@@ -188,12 +187,18 @@ def reads(tree: ast.AST) -> Iterator[str]:
             yield f".{node.func.attr}"
 
 
+@cache
+def reads_of_product() -> dict[str, set[str]]:
+    """The calls of each file of the product that open another to read it."""
+    return {file: set(reads(syntax)) for file, syntax in product()}
+
+
 def test_files_of_users__are_opened_in_the_doors_alone() -> None:
     """One way in for each kind of input: a command that opened files by itself would lack what its siblings can."""
     found = set()
-    for file, tree in product():
+    for file, calls in reads_of_product().items():
         streams = {"Source", "read_small"} if file.startswith("core/readers/") else set()
-        if not file.startswith("plugin/") and set(reads(tree)) - streams:
+        if not file.startswith("plugin/") and calls - streams:
             found.add(file)
     assert not DOORS.keys() & NO_INPUTS.keys()
     assert found == DOORS.keys() | NO_INPUTS.keys()
@@ -201,9 +206,9 @@ def test_files_of_users__are_opened_in_the_doors_alone() -> None:
 
 def test_gdal_laspy_and_csv__are_called_in_the_doors_or_on_own_products() -> None:
     libraries = {"rasterio.open", "csv.reader", "csv.DictReader", "np.loadtxt", "Image.open", ".read_info"}
-    found = {file for file, tree in product() if libraries & set(reads(tree))}
+    found = {file for file, calls in reads_of_product().items() if libraries & calls}
     assert found <= DOORS.keys()
-    clouds = {file for file, tree in product() if any(call.startswith("laspy.") for call in reads(tree))}
+    clouds = {file for file, calls in reads_of_product().items() if any(call.startswith("laspy.") for call in calls)}
     assert clouds == {"exporters/cloud/writer.py", "exporters/rasters/relief.py"}
 
 
@@ -219,11 +224,11 @@ def test_gdal_laspy_and_csv__are_called_in_the_doors_or_on_own_products() -> Non
     ],
 )
 def test_reads__finds_what_it_is_for(text: str, call: str) -> None:
-    assert set(reads(ast.parse(text))) == {call}
+    assert set(reads(ast.walk(ast.parse(text)))) == {call}
 
 
 def test_reads__leaves_out_what_is_written() -> None:
-    assert not set(reads(ast.parse("path.open('wb'); rasterio.open(path, 'w'); zipfile.ZipFile(path, 'x')")))
+    assert not set(reads(ast.walk(ast.parse("path.open('wb'); rasterio.open(path, 'w'); zipfile.ZipFile(path, 'x')"))))
 
 
 @pytest.mark.parametrize(
@@ -241,7 +246,7 @@ def test_reads__leaves_out_what_is_written() -> None:
     ],
 )
 def test_rules__find_what_they_are_for(text: str, danger: str) -> None:
-    assert danger in set(dangers(ast.parse(text)))
+    assert danger in set(dangers(ast.walk(ast.parse(text))))
 
 
 def test_ruff__looks_for_more_of_it_in_all_of_the_product() -> None:

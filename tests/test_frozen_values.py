@@ -6,10 +6,10 @@ A value that callers can change, as the result of a workflow, would no longer be
 from __future__ import annotations
 
 import ast
-from pathlib import Path
 from typing import Final
 
-CHECKOUT: Final = Path(__file__).resolve().parents[1]
+from tests.syntax import CHECKOUT, PARTS, files, nodes
+
 COLLECTING: Final = {
     "core/adjustment/relaxation.py Relaxation",
     "core/features/cloud_features.py FoundFeatures",
@@ -59,16 +59,15 @@ def frozen(call: ast.expr | ast.ClassDef) -> bool:
 
 def test_values__are_frozen() -> None:
     changeable, tables = set(), {}
-    for part in ("core", "exporters", "app", "cli"):
-        for path in sorted((CHECKOUT / part).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_bytes())):
-                if not isinstance(node, ast.ClassDef):
-                    continue
-                name = f"{path.relative_to(CHECKOUT).as_posix()} {node.name}"
-                decorators = [one for one in node.decorator_list if ast.unparse(one).startswith("dataclass")]
-                if decorators and not all(map(frozen, decorators)):
-                    changeable.add(name)
-                if any(ast.unparse(base) == "msgspec.Struct" for base in node.bases):
-                    tables[name] = frozen(node)
+    for path in files(*PARTS):
+        for node in nodes(path):
+            if not isinstance(node, ast.ClassDef):
+                continue
+            name = f"{path.relative_to(CHECKOUT).as_posix()} {node.name}"
+            decorators = [one for one in node.decorator_list if ast.unparse(one).startswith("dataclass")]
+            if decorators and not all(map(frozen, decorators)):
+                changeable.add(name)
+            if any(ast.unparse(base) == "msgspec.Struct" for base in node.bases):
+                tables[name] = frozen(node)
     assert changeable == COLLECTING
     assert {name for name, is_frozen in tables.items() if not is_frozen} == READ_ONCE

@@ -21,8 +21,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-CHECKOUT = Path(__file__).resolve().parents[1]
-PARTS = ("app", "core", "exporters", "cli")
+from tests.syntax import CHECKOUT, PARTS, files, nodes, tree
+
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
 EXTRAS = [text for texts in PROJECT["project"]["optional-dependencies"].values() for text in texts]
 GROUPS = [text for texts in PROJECT["dependency-groups"].values() for text in texts if isinstance(text, str)]
@@ -142,8 +142,7 @@ def module_files() -> dict[str, Path]:
         ".".join(("furrowmap", *p.relative_to(CHECKOUT).with_suffix("").parts))
         .replace("furrowmap.app", "furrowmap")
         .removesuffix(".__init__"): p
-        for part in PARTS
-        for p in sorted((CHECKOUT / part).rglob("*.py"))
+        for p in files(*PARTS)
     }
 
 
@@ -159,7 +158,7 @@ def within(module: str, packages: list[str]) -> bool:
 def imports(path: Path) -> set[str]:
     """Modules that a file imports, wherever in it; relative imports are told as such, with their dots."""
     imported = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             imported.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -169,27 +168,27 @@ def imports(path: Path) -> set[str]:
     return imported
 
 
-@pytest.mark.parametrize("module", module_files())
-def test_imports__go_one_way(module: str) -> None:
-    part = max((name for name in MAY_IMPORT if within(module, [name])), key=len)
-    ours = {name for name in imports(module_files()[module]) if name.startswith((".", "furrowmap"))}
-    against = {name for name in ours if not within(name, MAY_IMPORT[part])}
-    assert against == set(), f"{module} may import only {MAY_IMPORT[part]}"
+def test_imports__go_one_way() -> None:
+    against = {}
+    for module, path in module_files().items():
+        part = max((name for name in MAY_IMPORT if within(module, [name])), key=len)
+        ours = {name for name in imports(path) if name.startswith((".", "furrowmap"))}
+        against[module] = {name for name in ours if not within(name, MAY_IMPORT[part])}
+    assert {module: names for module, names in against.items() if names} == {}, "MAY_IMPORT says what each may import"
 
 
 def test_imports__make_no_circle() -> None:
     """Imports in functions and for type checkers count, too; the plugin's are relative."""
     plugin = {
-        ".".join(("furrowmap", *path.relative_to(CHECKOUT).with_suffix("").parts)): path
-        for path in sorted((CHECKOUT / "plugin").rglob("*.py"))
+        ".".join(("furrowmap", *path.relative_to(CHECKOUT).with_suffix("").parts)): path for path in files("plugin")
     }
-    files = {name.removesuffix(".__init__"): path for name, path in {**module_files(), **plugin}.items()}
+    modules = {name.removesuffix(".__init__"): path for name, path in {**module_files(), **plugin}.items()}
     graph = {}
-    for module, path in files.items():
+    for module, path in modules.items():
         package = module if path.stem == "__init__" else module.rpartition(".")[0]
         names = {resolve_name(name, package) for name in imports(path)}
-        graph[module] = {name.rstrip(".") for name in names} & files.keys() - {module}
-    assert sum(map(len, graph.values())) > len(files)
+        graph[module] = {name.rstrip(".") for name in names} & modules.keys() - {module}
+    assert sum(map(len, graph.values())) > len(modules)
     TopologicalSorter(graph).prepare()  # raises an error that names the modules of a circle
 
 
@@ -209,7 +208,7 @@ def test_rasters_and_arrays__of_others_are_opened_by_our_own_functions() -> None
     calls = {
         path.relative_to(CHECKOUT).as_posix(): ast.unparse(node)
         for path in module_files().values()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in nodes(path)
         if isinstance(node, ast.Call)
         and getattr(node.func, "attr", "") in ("load", "fromfile", "open")  # the text of every call takes five seconds
         and (
@@ -333,10 +332,9 @@ OPTIONS = {"option", "argument"}
 def functions() -> list[tuple[str, ast.FunctionDef, set[str]]]:
     """Every function of the product and the plugin, but kernels: its name, itself, the names of its decorators."""
     found = []
-    for path in product_files():
-        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-        of_class = {part: node.name for node in nodes if isinstance(node, ast.ClassDef) for part in node.body}
-        for node in nodes:
+    for path in files(*PARTS, "plugin"):
+        of_class = {part: node.name for node in nodes(path) if isinstance(node, ast.ClassDef) for part in node.body}
+        for node in nodes(path):
             if isinstance(node, ast.FunctionDef):
                 calls = [d.func if isinstance(d, ast.Call) else d for d in node.decorator_list]
                 decorators = {ast.unparse(call).rpartition(".")[2] for call in calls}
@@ -346,23 +344,17 @@ def functions() -> list[tuple[str, ast.FunctionDef, set[str]]]:
     return found
 
 
-def product_files() -> list[Path]:
-    """The Python files of the package and of the plugin."""
-    return [path for part in (*PARTS, "plugin") for path in sorted((CHECKOUT / part).rglob("*.py"))]
-
-
 @cache
 def definitions() -> tuple[dict[str, set[str]], dict[str, dict[str, set[str]]]]:
     """Class name → modules that define it; constant → its value as source → modules that define it so."""
     classes: dict[str, set[str]] = {}
     constants: dict[str, dict[str, set[str]]] = {}
-    for path in product_files():
+    for path in files(*PARTS, "plugin"):
         module = path.relative_to(CHECKOUT).as_posix()
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        for node in ast.walk(tree):
+        for node in nodes(path):
             if isinstance(node, ast.ClassDef):
                 classes.setdefault(node.name, set()).add(module)
-        for node in tree.body:
+        for node in tree(path).body:
             targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
             value = getattr(node, "value", None)
             if isinstance(targets[0], ast.Name) and targets[0].id.isupper() and value is not None:
@@ -380,8 +372,7 @@ def test_names__of_constants_have_one_value() -> None:
 
 def test_assignments__set_one_name_each() -> None:
     """Exchanges of values and the like are left: at most one in fifty."""
-    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in product_files()]
-    found = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    found = [node for path in files(*PARTS, "plugin") for node in nodes(path) if isinstance(node, ast.Assign)]
     several = [node for node in found if isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple)]
     assert len(several) <= 0.02 * len(found)
 

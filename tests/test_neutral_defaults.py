@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Final
 
-CHECKOUT: Final = Path(__file__).resolve().parents[1]
+from tests.syntax import CHECKOUT, PARTS, files, tree
+
 HELD_BY_PAGES: Final = ("core/simulator/scenario.py",)
 
 EVERY_ONE: Final = {
@@ -150,10 +150,9 @@ def defaults(node: ast.AST, where: str) -> Iterator[Default]:
 
 def test_defaults__are_neutral_or_listed() -> None:
     found: dict[str, float] = {}
-    for part in ("app", "cli", "core", "exporters"):
-        for path in sorted((CHECKOUT / part).rglob("*.py")):
-            file = path.relative_to(CHECKOUT).as_posix()
-            if file not in HELD_BY_PAGES:
-                found |= defaults(ast.parse(path.read_bytes()), f"{file} ")
+    for path in files(*PARTS):
+        file = path.relative_to(CHECKOUT).as_posix()
+        if file not in HELD_BY_PAGES:
+            found |= defaults(tree(path), f"{file} ")
     assert len(found) > 100
     assert {name: value for name, value in found.items() if value} == LISTED
