@@ -58,14 +58,18 @@ class Console:
             self.warn(notice)
 
     def warn_of(self, account: Mapping[str, Any]) -> None:
-        """Write the warnings in the report of finished work."""
+        """Write the warnings in the report of finished work, each cause before what it explains."""
         for warning in account["warnings"]:
-            self.put_warning(warning["code"], translated(warning["text"], language_of_user(), warning["code"]))
+            text = translated(warning["text"], language_of_user(), warning["code"])
+            self.put_warning(warning["code"], text, explained=warning.get("follows") is not None)
 
-    def put_warning(self, code: str, text: str) -> None:  # noqa: ARG002 (programs read the code)
-        """Write the text of a warning."""
-        line = f"{translated('warning:', language_of_user())} {printable(text)}"
-        click.secho(line, err=True, fg="yellow", color=colour())
+    def put_warning(self, code: str, text: str, *, explained: bool = False) -> None:  # noqa: ARG002 (programs read the code)
+        """Write the text of a warning; one that is explained by the warning before stands under that."""
+        if explained:
+            click.echo(f"  {translated('explains:', language_of_user())} {printable(text)}", err=True)
+        else:
+            line = f"{translated('warning:', language_of_user())} {printable(text)}"
+            click.secho(line, err=True, fg="yellow", color=colour())
 
     def reporting_compilation(self) -> AbstractContextManager[None]:
         """Within it, compilations are reported, and other processes help with them."""

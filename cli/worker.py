@@ -107,7 +107,7 @@ class WorkerConsole(Console):
         """Send a log message."""
         self.send("log", text=text)
 
-    def put_warning(self, code: str, text: str) -> None:
+    def put_warning(self, code: str, text: str, *, explained: bool = False) -> None:  # noqa: ARG002 (reports tell it)
         """Send a warning."""
         self.send("warning", code=code, text=text)
 

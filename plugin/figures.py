@@ -59,14 +59,38 @@ def figures_html(report: dict[str, Any]) -> str:
 
 
 def verdict_html(report: dict[str, Any]) -> str:
-    """The contradiction in the results and the doubts about them, which stand above the figures."""
+    """What stands above the figures: contradictions and doubts, each cause with what follows from it."""
     verdict = object_in(report, "verdict")
+    found = verdict.get("findings")
+    if isinstance(found, list):
+        return "".join(_finding_html(finding) for finding in found if isinstance(finding, dict))
     text = localized(verdict, "text")
     doubts = localized(verdict, "doubts")
     shown = "".join(f"<p>⚠ {escape(str(doubt))}</p>" for doubt in (doubts if isinstance(doubts, list) else []))
     if not text:
         return shown
     return f"<p style='color:#b71c1c'><b>{escape(str(text))}</b></p>{shown}"
+
+
+def texts_above(report: dict[str, Any]) -> set[str]:
+    """The texts, in English, of the warnings in :func:`verdict_html`."""
+    verdict = object_in(report, "verdict")
+    found = [finding for finding in verdict.get("findings") or [] if isinstance(finding, dict)]
+    notices = [one for finding in found for one in (finding, *(finding.get("follows") or [])) if isinstance(one, dict)]
+    return {str(text) for text in (verdict.get("text"), *(verdict.get("doubts") or []))} | {
+        str(notice.get("text")) for notice in notices
+    }
+
+
+def _finding_html(finding: dict[str, Any]) -> str:
+    follows = finding.get("follows")
+    items = "".join(
+        f"<li>{escape(str(localized(one, 'text')))}</li>"
+        for one in (follows if isinstance(follows, list) else [])
+        if isinstance(one, dict)
+    )
+    cause = f"<p style='color:#b71c1c'><b>⚠ {escape(str(localized(finding, 'text')))}</b></p>"
+    return f"{cause}<p>{tr('This explains:')}</p><ul style='margin-left:-20px'>{items}</ul>" if items else cause
 
 
 def localized(table: dict[str, Any], key: str) -> Any:

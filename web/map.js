@@ -340,15 +340,39 @@ function layerRow(layer, number) {
   return row;
 }
 
+function alarmBox({ text, follows }) {
+  const box = element("div", "", "alarm");
+  box.append(element("p", text[language]));
+  if (follows.length) {
+    const list = element("ul");
+    list.append(...follows.map((one) => element("li", one[language])));
+    box.append(element("p", say("This explains:"), "then"), list);
+  }
+  return box;
+}
+
+// Without a Japanese font every letter is the same box.
+function hasJapaneseFont() {
+  const drawn = (letter) => {
+    const canvas = document.createElement("canvas");
+    canvas.width = canvas.height = 24;
+    const pen = canvas.getContext("2d", { willReadFrequently: true });
+    pen.font = "20px system-ui, sans-serif";
+    pen.fillText(letter, 2, 20);
+    return canvas.toDataURL();
+  };
+  return drawn("日") !== drawn("本");
+}
+
 function fillPanel() {
   document.documentElement.lang = language;
   document.title = data.title || say("Field report");
   byId("title").textContent = document.title;
-  byId("language").textContent = language === "ja" ? "English" : "日本語";
+  byId("language").textContent = language === "ja" ? "English" : japanese;
   for (const one of document.querySelectorAll("[data-say]")) one.textContent = say(one.dataset.say);
   for (const one of document.querySelectorAll("[data-label]")) one.setAttribute("aria-label", say(one.dataset.label));
   byId("when").textContent = data.when;
-  byId("alarms").replaceChildren(...data.alarms.map((text) => element("p", text[language], "alarm")));
+  byId("alarms").replaceChildren(...data.alarms.map(alarmBox));
   byId("figures").replaceChildren(
     ...data.figures.map(({ value, name, loud }) => {
       const box = element("div", "", loud ? "loud" : "");
@@ -382,6 +406,7 @@ byId("area").addEventListener("click", () => measure("area"));
 byId("whole").addEventListener("click", () => (byId("cloud").hidden ? showAll() : cloudView?.whole()));
 byId("solid").addEventListener("click", showCloud);
 new ResizeObserver(() => cloudView?.resize()).observe(byId("cloud-view"));
+const japanese = hasJapaneseFont() ? "日本語" : "Japanese";
 fillPanel();
 openPanel(!PHONE.matches);
 showAll();

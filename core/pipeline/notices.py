@@ -149,11 +149,13 @@ def session_notices(session: Session, located: Located, *, matched: bool) -> lis
         notices.append(Notice("imu-unused"))
     if from_gnss and not matched:
         notices.append(Notice("level-assumed"))
-    if located.source != "file" and session.antenna is None:
-        notices.append(Notice("antenna-unknown"))
+    no_antenna = located.source != "file" and session.antenna is None
     missing = [key.removeprefix("lidar.") for key in session.unstated if key.startswith("lidar.")]
     if missing:
-        notices.append(Notice("mounting-identity", missing=", ".join(missing)))
+        key = "mounting-identity.and-antenna" if no_antenna else "mounting-identity"
+        notices.append(Notice(key, missing=", ".join(missing)))
+    if no_antenna:
+        notices.append(Notice("antenna-unknown"))
     return notices
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from furrowmap.core.coverage.field_work import FieldWork, ImplementTracker
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pipeline.causes import by_cause
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import Placement, Placer
 from furrowmap.core.readers.reader import Reader
@@ -213,7 +214,7 @@ def run_result(
     notices: Sequence[Notice],
     watch: StopWatch,
 ) -> RunResult:
-    """The result of a run or a preview, with what contradicts first among its warnings."""
+    """The result of a run or a preview, its warnings sorted by what to do first."""
     return RunResult(
         session=opened.session,
         inputs=opened.inputs.all,
@@ -222,6 +223,6 @@ def run_result(
         placement=placement,
         work=work,
         clocks=clocks,
-        notices=tuple(sorted(dict.fromkeys(notices), key=lambda notice: notice.code != CONTRADICTION)),
+        notices=by_cause(tuple(dict.fromkeys(notices))),
         timings_s=watch.laps_s,
     )

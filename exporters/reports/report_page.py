@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.crops.response import Response, column_words, dose_name, parcel_doses
-from furrowmap.core.geodesy.local_time import span_words
+from furrowmap.core.geodesy.local_time import in_local_time, span_words
 from furrowmap.core.implement.model import SeenImplement
+from furrowmap.core.pipeline.causes import Finding, findings
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.gnss import Fix
@@ -24,7 +25,7 @@ from furrowmap.exporters.rasters.relief import shaded_ground
 from furrowmap.exporters.reports import drawings
 from furrowmap.exporters.reports.drawings import padded_bounds
 from furrowmap.exporters.reports.pages import render, write_html
-from furrowmap.exporters.reports.run_report import points_by_class, scanners, verdict
+from furrowmap.exporters.reports.run_report import points_by_class, scanners, top_findings
 from furrowmap.exporters.reports.svg import WIDTH, Sheet, drawing, element, image, label, mixed_colour, turned_label
 from furrowmap.exporters.reports.trial_charts import ParcelValues, response_chart
 from furrowmap.exporters.vectors.labels import VALUES
@@ -146,7 +147,11 @@ def write_page(
     poses = found.placement.poses
     work = found.work
     box_m = drawings.map_box(poses, work)
-    said = verdict(found)
+
+    def texts(finding: Finding) -> tuple[str, list[str]]:
+        first, *follows = (in_local_time(notice.text, found.zone) for notice in finding.all)
+        return first, follows
+
     east, north, up, roll, pitch, heading = (_median(column) for column in poses.sigma.T)
     lowering = _median(work.states.begin_sigma_s[1:]) if work.states is not None and len(work.states) > 1 else None
     fixes = [
@@ -158,7 +163,8 @@ def write_page(
         "report.html",
         title=found.session.name or "Field report",
         when=span_words(found.placement.first_s, found.placement.last_s, found.zone),
-        alarms=[text for text in (said["text"], *said["doubts"]) if text],
+        alarms=[texts(finding) for finding in top_findings(found)],
+        warnings=[texts(finding) for finding in findings(found.notices)],
         found=found,
         scanners=scanners(found),
         zone=found.zone,

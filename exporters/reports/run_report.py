@@ -20,6 +20,7 @@ from furrowmap.core.coverage.strip_outlines import StripGround
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
 from furrowmap.core.implement.external_states import NEAR_S
 from furrowmap.core.matching.consistency import Cause
+from furrowmap.core.pipeline.causes import AT_TOP, Finding, cause_of, findings
 from furrowmap.core.pipeline.notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
@@ -74,7 +75,11 @@ def run_report(
         "strip_adjustment": found.strip_adjustment.plain() if found.strip_adjustment is not None else None,
         "live": asdict(found.live) if found.live is not None else None,
         "clocks": _clocks(found),
-        "warnings": [in_all_languages(notice, found.zone) for notice in found.notices],
+        "warnings": [
+            in_all_languages(notice, found.zone) | {"follows": cause.code if cause is not None else None}
+            for notice in found.notices
+            for cause in [cause_of(notice, found.notices)]
+        ],
         "timings": timings_s,
         "products": products,
     }
@@ -117,31 +122,6 @@ def _strip(ground: StripGround) -> dict[str, Any]:
     }
 
 
-AT_TOP: Final = frozenset(
-    {
-        "antenna-unknown",
-        "boundary-apart",
-        "clock-offset",
-        "control-points-off",
-        "facing-assumed",
-        "gnss-frozen",
-        "gnss-heights",
-        "gnss-steps",
-        "imu-clock-off",
-        "imu-frozen",
-        "imu-scale-off",
-        "lever-arm-off",
-        "lever-assumed",
-        "mounting-height",
-        "mounting-identity",
-        "mounting-off",
-        "scanner-clock-off",
-        "slow-errors-assumed",
-        "tool-apart",
-    }
-)
-"""Codes of what was corrected, or is assumed, and moves the whole of a cloud or map: reports show it at the top."""
-
 FLIGHT_CAUSES: Final = {
     "contradiction.contradiction-notice": "mounting",
     "contradiction.ground": "unknown",
@@ -168,8 +148,7 @@ def verdict(found: RunResult) -> dict[str, Any]:
 
     `consistent` is null where nothing was matched, and there is no IMU whose measurements could contradict positions.
     """
-    codes = [CONTRADICTION, *(FLIGHT_CAUSES if found.matched is None else MATCHED_CAUSES)]
-    contradictions = sorted((n for n in found.notices if n.code in codes), key=lambda notice: codes.index(notice.code))
+    contradictions = _contradictions(found)
     text = next((in_local_time(notice.text, found.zone) for notice in contradictions), None)
     if found.matched is not None:
         seen = found.matched.seen.plain()
@@ -187,7 +166,29 @@ def verdict(found: RunResult) -> dict[str, Any]:
     for language in LANGUAGES[1:]:
         others[f"text_{language}"] = translated(text, language, contradictions[0].code) if text else None
         others[f"doubts_{language}"] = [translated(doubt, language) for doubt in doubts]
-    return {"consistent": False if text else None, **seen, "text": text, "doubts": doubts, **others}
+    shown = [
+        in_all_languages(finding.notice, found.zone)
+        | {"follows": [in_all_languages(notice, found.zone) for notice in finding.follows]}
+        for finding in top_findings(found)
+    ]
+    seen = {"consistent": False if text else None, **seen, "text": text, "doubts": doubts, **others}
+    return seen | {"findings": shown}
+
+
+def _contradictions(found: RunResult) -> list[Notice]:
+    """The contradictions in the results, the first of which the verdict states."""
+    codes = [CONTRADICTION, *(FLIGHT_CAUSES if found.matched is None else MATCHED_CAUSES)]
+    return sorted((n for n in found.notices if n.code in codes), key=lambda notice: codes.index(notice.code))
+
+
+def top_findings(found: RunResult) -> list[Finding]:
+    """What stands at the top of reports, each cause with what follows from it: what to do first comes first."""
+    contradictions = _contradictions(found)
+    return [
+        finding
+        for finding in findings(found.notices)
+        if any(notice.code in AT_TOP or notice in contradictions for notice in finding.all)
+    ]
 
 
 def in_all_languages(notice: Notice, zone: ZoneInfo) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -125,7 +125,6 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
         raise RefusedError("no-web-bundle")
     report = result.report
     zone = result.zone
-    verdict = report.get("verdict") or {}
     layers, extent, crs = _layers(result, zone)
     pictures = []
     rasters = rasters_of(result)
@@ -137,10 +136,8 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
     data: dict[str, Any] = {
         "title": printable(result.name),
         "when": _when(report, zone),
-        "alarms": [_said(str(text)) for text in (verdict.get("text"), *(verdict.get("doubts") or ())) if text],
-        "warnings": [
-            _said(str(notice.get("text", "")), str(notice.get("code", ""))) for notice in report.get("warnings", ())
-        ],
+        "alarms": list(_alarms(report.get("verdict") or {})),
+        "warnings": [_notice(notice) for notice in report.get("warnings", ())],
         "figures": list(_figures(report)),
         "notes": [_said(text) for text in _notes(report)],
         "about": list(_about(report, zone)),
@@ -301,6 +298,22 @@ def _about(report: dict[str, Any], zone: ZoneInfo) -> Iterator[tuple[str, str]]:
     yield "Coordinates", printable(str(coordinates.get("crs") or report["session"]["crs"]["map"]))
     yield "Heights", printable(str(coordinates.get("heights") or report["session"]["crs"]["heights"]))
     yield "Time zone", zone.key
+
+
+def _alarms(verdict: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Each cause, with what follows from it; of reports before they told it, a list of texts."""
+    found = verdict.get("findings")
+    if found is None:
+        for text in (verdict.get("text"), *(verdict.get("doubts") or ())):
+            if text:
+                yield {"text": _said(str(text)), "follows": []}
+        return
+    for finding in found:
+        yield {"text": _notice(finding), "follows": [_notice(notice) for notice in finding["follows"]]}
+
+
+def _notice(notice: Mapping[str, Any]) -> dict[str, str]:
+    return _said(str(notice.get("text", "")), str(notice.get("code", "")))
 
 
 def _said(text: str, code: str = "") -> dict[str, str]:

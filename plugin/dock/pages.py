@@ -27,7 +27,7 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
-from ..figures import figures_html, localized, object_in, verdict_html
+from ..figures import figures_html, localized, texts_above, verdict_html
 from ..processing.description import COMMAND_OPTIONS
 from ..products import product
 from ..results import read_report, session_name
@@ -296,8 +296,7 @@ class ResultPage(QWidget):
         report = read_report(folder)
         name = html.escape(session_name(report, folder))
         page = f"<h3>{name}</h3>{verdict_html(report)}<table>{figures_html(report)}</table>"
-        verdict = object_in(report, "verdict")
-        above = {verdict.get("text"), *(verdict.get("doubts") or [])}
+        above = texts_above(report)
         others = [w for w in report.get("warnings") or [] if isinstance(w, dict) and w.get("text") not in above]
         warnings = [localized(warning, "text") or "" for warning in others]
         if warnings:

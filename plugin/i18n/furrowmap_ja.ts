@@ -512,6 +512,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>RTK float</source><translation>RTK FLOAT</translation></message>
   <message><source>Response</source><translation>応答</translation></message>
   <message><source>Start</source><translation>開始</translation></message>
+  <message><source>This explains:</source><translation>これにより次のことも説明できます：</translation></message>
   <message><source>Vertical accuracy</source><translation>鉛直精度</translation></message>
   <message><source>Worked</source><translation>作業面積</translation></message>
   <message><source>depends on what the recording does not show: {keys}</source><translation>記録から確認できない次の値によります：{keys}</translation></message>

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import importlib.util
 import json
 import re
@@ -125,7 +126,8 @@ def test_promise__no_accuracy_is_claimed_that_is_wrong(wrong: furrowmap.Result, 
     for key in accuracy["unstated"]:
         assert any(f"[{key.split('.')[0]}]" in doubt for doubt in report["verdict"]["doubts"])
     alarms = page[: page.index("<section")]
-    assert alarms.count('class="alarm"') >= len(report["verdict"]["doubts"])
+    assert alarms.count('class="alarm"') == len(report["verdict"]["findings"])
+    assert all(html.escape(doubt) in alarms for doubt in report["verdict"]["doubts"])
 
 
 @pytest.mark.parametrize("wrong", ["nothing filled in"], indirect=True)

@@ -25,6 +25,7 @@ from furrowmap.core.features.cloud_features import FoundFeatures, classify_featu
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.implement.saved import save_implement
+from furrowmap.core.pipeline.causes import by_cause
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import open_clouds
@@ -191,7 +192,7 @@ class RunProducts:
             features = run_features(staging / CLOUD, stated, progress)
             seconds["features"] = perf_counter() - begin
             notices += features.notices
-        found = replace(found, notices=tuple(notices))
+        found = replace(found, notices=by_cause(notices))
         return Made(found, inputs, summary, figures, seconds, measured_parcels, coloured, features, checked)
 
     def _surfaces(self, found: RunResult, origin: Origin, progress: Progress) -> RasterFigures | None:
