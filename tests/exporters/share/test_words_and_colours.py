@@ -34,8 +34,8 @@ from plugin_strings import translations  # noqa: E402
 
 FIELD_LAYERS = ("events", "trajectory", "tool_path", "misses", "unworked", "boundary", "overlaps", "coverage",
                 "passes", "zones", "strips", "strip_differences", "parcels")  # fmt: skip
-NAMES = {"English", "LineString", "Polygon"}
-"""Of a language, and of what OpenLayers draws."""
+NAMES = {"English", "Japanese", "LineString", "Polygon"}
+"""Of languages, and of what OpenLayers draws."""
 NUMBER = re.compile(r"-?[\d.]+( m| mm)?")
 
 
