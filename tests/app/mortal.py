@@ -13,18 +13,22 @@ from __future__ import annotations
 
 import importlib
 import io
+import itertools
 import json
 import mmap
 import multiprocessing.context
 import os
 import resource
+import select
 import shutil
 import signal
+import socket
 import struct
 import sys
 import tempfile
 import time
-from contextlib import redirect_stderr, redirect_stdout, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +49,7 @@ def change_files(event: str, arguments: tuple[Any, ...]) -> bool:
 
 
 MAX_COMMAND_S = 300
+MAX_WAIT_S = 60.0
 
 
 def command(task: dict[str, Any]) -> dict[str, Any]:
@@ -64,24 +69,25 @@ def command(task: dict[str, Any]) -> dict[str, Any]:
 
 def mortal(task: dict[str, Any]) -> int:
     """Do a task; the number of operations that changed files."""
-    if task.get("pauses"):
-        stopped_at_times(task)
-    done = mmap.mmap(-1, 8)  # of this process and its workers
+    asking = supervised(task) if task.get("states") else None
+    done = mmap.mmap(-1, 8)  # of this process and its workers, whose threads change files as well
+    turn = multiprocessing.get_context("fork").Lock()
     own = os.getpid()
     copied = frozenset(task.get("operations", ()))
-    copying = False
 
     def count(event: str, arguments: tuple[Any, ...]) -> None:
-        nonlocal copying
-        if change_files(event, arguments) and not copying:
-            operations = struct.unpack("q", done[:])[0] + 1
-            done[:] = struct.pack("q", operations)
-            if operations == task.get("operation"):
-                os.kill(own, signal.SIGKILL)
-            if operations in copied:
-                copying = True
-                copy_state(task, f"operation {operations}")
-                copying = False
+        if not change_files(event, arguments):
+            return
+        held = turn.acquire(timeout=MAX_WAIT_S)  # a worker may have ended in its turn
+        operations = struct.unpack("q", done[:])[0] + 1
+        done[:] = struct.pack("q", operations)
+        if asking is not None and operations in copied:
+            asking.send(b"%d" % operations)
+            asking.recv(1)
+        if held:
+            turn.release()
+        if operations == task.get("operation"):
+            os.kill(own, signal.SIGKILL)
 
     sys.addaudithook(count)
     if task.get("seconds"):
@@ -95,39 +101,75 @@ def mortal(task: dict[str, Any]) -> int:
     return int(struct.unpack("q", done[:])[0])
 
 
-def copy_state(task: dict[str, Any], name: str) -> None:
-    """Copy the files as they are now."""
-    shutil.copytree(Path(task["target"]).parent, Path(task["states"]) / name, symlinks=True)
+def supervised(task: dict[str, Any]) -> socket.socket:
+    """Let a child of this process go on with the task, and copy the files when it asks, and at times.
 
-
-def stopped_at_times(task: dict[str, Any]) -> None:
-    """Let a child of this process go on with the task; stop it, and its workers, after times to copy the files."""
+    Whatever changes files stands still meanwhile: all threads of the child, and its workers. Returns in the child only,
+    the socket by which it asks before an operation.
+    """
+    asked, asking = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     child = os.fork()
     if child == 0:
-        return
-    for number, pause_s in enumerate(task["pauses"]):
-        time.sleep(pause_s)
-        os.kill(child, signal.SIGSTOP)
-        _, status = os.waitpid(child, os.WUNTRACED)
-        if not os.WIFSTOPPED(status):
-            os._exit(0)
-        workers = [int(word) for word in Path(f"/proc/{child}/task/{child}/children").read_text().split()]
-        try:
-            for worker in workers:
-                os.kill(worker, signal.SIGSTOP)
-                while _runs(worker):
-                    time.sleep(0.001)
-            copy_state(task, f"pause {number}")
-        finally:
-            for process in (child, *workers):
-                os.kill(process, signal.SIGCONT)
+        asked.close()
+        return asking
+    asking.close()
+    due_s = list(itertools.accumulate(task["pauses"], initial=time.monotonic()))[1:]
+    pauses = 0
+    while True:
+        wait_s = max(0.0, due_s[pauses] - time.monotonic()) if pauses < len(due_s) else None
+        operation = None
+        if select.select([asked], [], [], wait_s)[0]:
+            operation = asked.recv(20)
+            if not operation:  # the child and its workers have ended
+                break
+        with stopped(child):
+            copy_state(task, f"operation {operation.decode()}" if operation else f"pause {pauses}")
+        if operation:
+            with suppress(OSError):  # it has ended meanwhile
+                asked.send(b".")
+        else:
+            pauses += 1
     os.waitpid(child, 0)
     os._exit(0)
+
+
+@contextmanager
+def stopped(child: int) -> Iterator[None]:
+    """Within it, a process and those that it has started stand still; an error ends them."""
+    processes: list[int] = []
+    try:
+        _stop(child, processes)
+        yield
+    except BaseException:
+        for process in processes:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+        raise
+    finally:
+        for process in processes:
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGCONT)
+
+
+def _stop(process: int, processes: list[int]) -> None:
+    with suppress(FileNotFoundError, ProcessLookupError):  # it has ended
+        os.kill(process, signal.SIGSTOP)
+        processes.append(process)
+        while _runs(process):
+            time.sleep(0.001)
+        for thread in Path(f"/proc/{process}/task").iterdir():
+            for worker in (thread / "children").read_text().split():
+                _stop(int(worker), processes)
 
 
 def _runs(process: int) -> bool:
     """Whether a process is neither stopped nor ended."""
     return Path(f"/proc/{process}/stat").read_text().rpartition(") ")[2][0] not in "TZ"
+
+
+def copy_state(task: dict[str, Any], name: str) -> None:
+    """Copy the files as they are now."""
+    shutil.copytree(Path(task["target"]).parent, Path(task["states"]) / name, symlinks=True)
 
 
 def begun(task: dict[str, Any]) -> Path:
