@@ -41,12 +41,16 @@ class WriteError(FurrowmapError):
 def writing(path: Path, needed_bytes: int | None = None) -> Iterator[None]:
     """Within it, what cannot be written is an error that names `path` and the free space there.
 
-    Errors of the system that name other files, such as one that is read, are not changed.
+    Errors of the system that name other files, such as one that is read, are not changed, nor are any where `path` is
+    an unfinished file: whoever renames it knows its name.
 
     Args:
         path: the file.
         needed_bytes: space that it takes, if known.
     """
+    if path.name.startswith(UNFINISHED_PREFIX):
+        yield
+        return
     try:
         yield
     except OSError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,14 +18,21 @@ from pyproj import CRS
 from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.write_errors import writing
 
 if TYPE_CHECKING:
     import geopandas
 
 pyogrio.set_gdal_config_options({"GDAL_PAM_ENABLED": False})
 
-write_arrays = pyogrio.raw.write
-"""Writes a layer into a new file; how layers are read is in :mod:`furrowmap.core.readers.ogr_layers`."""
+
+def write_arrays(target: Path | io.BytesIO, *arrays: Any, **options: Any) -> None:
+    """Write a layer as pyogrio does; how layers are read is in :mod:`furrowmap.core.readers.ogr_layers`.
+
+    Raises WriteError where that is not possible.
+    """
+    with writing(target) if isinstance(target, Path) else nullcontext():
+        pyogrio.raw.write(target, *arrays, **options)
 
 
 @contextmanager

@@ -75,6 +75,17 @@ def test_writing__leaves_errors_of_other_files_as_they_are(tmp_path: Path) -> No
         raise PermissionError(errno.EACCES, "no", "input.las")
 
 
+@pytest.mark.parametrize("error", [FULL, *HIDDEN])
+def test_unfinished_file__is_told_by_the_name_that_it_gets(error: Exception, tmp_path: Path) -> None:
+    unfinished = writing(tmp_path / ".furrowmap-0-1.gpkg")
+    with (
+        pytest.raises(WriteError, match=r"fields.gpkg cannot be written"),
+        writing(tmp_path / "fields.gpkg"),
+        unfinished,
+    ):
+        raise error
+
+
 def test_copy__names_what_is_written_not_what_is_read(tmp_path: Path) -> None:
     error = OSError(errno.ENOSPC, "full", "source.laz", None, str(tmp_path / "copy.laz"))
     assert str(tmp_path / "copy.laz") in as_furrowmap_error(error).what
