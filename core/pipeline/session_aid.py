@@ -91,13 +91,16 @@ def read_pixels(path: Path, names: tuple[str, ...], notices: list[Notice]) -> tu
     """
     table = read_table(path, partial(_unreadable, path))
     notices += table.notices
-    lacking = [name for name in _COLUMNS if name not in table.columns]
+    found = {name: table.find([name]) for name in _COLUMNS}
+    lacking = [name for name, column in found.items() if column is None]
     if lacking:
         raise _unreadable(path, f"it has no columns {', '.join(lacking)}")
     numbers = {name: k for k, name in enumerate(names)}
     out = []
-    places = np.column_stack([table.numbers("u"), table.numbers("v")])
-    for file, name, place, line in zip(table.columns["file"], table.columns["name"], places, table.lines, strict=True):
+    columns = [column for column in found.values() if column is not None]
+    places = np.column_stack([table.numbers(column) for column in columns[2:]])
+    files, labels = (table.columns[column] for column in columns[:2])
+    for file, name, place, line in zip(files, labels, places, table.lines, strict=True):
         if name.strip() not in numbers:
             raise _unreadable(path, f"line {line} names {name.strip()!r}, which is none of the control points")
         if not np.isfinite(place).all():

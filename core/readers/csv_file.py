@@ -4,13 +4,14 @@ import csv
 import datetime as dt
 import io
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from furrowmap.core.readers.column_names import ambiguous, standard_names
 from furrowmap.core.readers.csv_text import before_header, has_decimal_commas, header_of, row_cells, with_points
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.text_encoding import decoded
@@ -67,8 +68,12 @@ TIME_COLUMN: Final = Column(dict.fromkeys(TIMES, 1.0))
 class CsvFile(Source):
     """An open CSV file whose header has been read (:mod:`.csv_text`): of any code page, with points or decimal commas.
 
-    InputError if it is no text, or has a line without an end. Notices that the file is cut, or that rows are dropped,
-    are added while rows are read.
+    InputError if it is no text, or has a line without an end. Notices that the file is cut, that rows are dropped, or
+    that columns are read by what their names mean (:mod:`.column_names`) are added while rows are read.
+
+    Attributes:
+        written: the names of the columns as they stand in the file.
+        names: the same by the names that furrowmap gives them.
     """
 
     def __init__(self, path: Path, notices: list[Notice]) -> None:
@@ -85,22 +90,31 @@ class CsvFile(Source):
             lines.append(line)
         self._in_header = False
         header = header_of(lines)
-        self.names = header.names
+        self.written = header.names
+        self.names = standard_names(header.names)
         self._decimal_comma: bool | None = None
         self._separator = header.separator
         self._header_lines = header.lines
         if header.text.open:
             notices.append(header.text.notice("code-page", path.name))
 
-    def find(self, column: Mapping[str, object]) -> str | None:
-        """The first of the accepted names of a column that the file has."""
-        return next((name for name in column if name in self.names), None)
+    def find(self, column: Iterable[str]) -> str | None:
+        """The first of the accepted names of a column that the file has; InputError if several columns mean it."""
+        found = next((name for name in column if name in self.written or name in self.names), None)
+        if found is not None and found not in self.written and self.names.count(found) > 1:
+            same = [own for own, name in zip(self.written, self.names, strict=True) if name == found]
+            raise ambiguous(self.path, found, same)
+        return found
+
+    def place(self, name: str) -> int:
+        """The number of a column, by its name as it stands in the file or as furrowmap gives it."""
+        return (self.written if name in self.written else self.names).index(name)
 
     def require(self, schema: Sequence[Column], missing_key: str) -> None:
         """Raise the error of this key if columns are missing that are not optional."""
         missing = [next(iter(c.names)) for c in schema if not (c.optional or self.find(c.names))]
         if missing:
-            there = ", ".join(self.names)[:200]
+            there = ", ".join(self.written)[:200]
             raise InputError(missing_key, path=self.path, missing=", ".join(missing), there=there)
 
     @property
@@ -141,7 +155,7 @@ class CsvFile(Source):
                     outside_key,
                     path=self.path,
                     row=int(outside[0]) + 1,
-                    name=name,
+                    name=self.written[self.place(name)],
                     value=rows[outside[0], k] / unit,
                     low=low,
                     high=high,
@@ -151,6 +165,7 @@ class CsvFile(Source):
     def pieces(self, schema: Sequence[Column]) -> Iterator[FloatArray]:
         """Rows (n, k) of k columns in pieces; nan without a field or column; InputError if a field is no number."""
         found = {k: name for k, column in enumerate(schema) if (name := self.find(column.names)) is not None}
+        self._notice_meanings(list(found.values()))
         iso = [name for k, name in found.items() if schema[k].iso]
         factors = [schema[k].names[name] for k, name in found.items()]
         line = self._header_lines + 1
@@ -166,6 +181,13 @@ class CsvFile(Source):
             line += piece.count(b"\n")
         if self.fault:
             self.notices.append(cut_notice(self.path, self.fault))
+
+    def _notice_meanings(self, names: Sequence[str]) -> None:
+        """Say which columns are read that are written otherwise than furrowmap names them."""
+        told = [f"`{self.written[self.place(name)]}` → {name}" for name in names if name not in self.written]
+        notice = Notice("columns-by-meaning", path=self.path.name, columns=", ".join(told))
+        if told and notice not in self.notices:
+            self.notices.append(notice)
 
     def _has_decimal_commas(self, piece: bytes) -> bool:
         """Whether the first complete lines of a file have commas for points."""
@@ -200,7 +222,7 @@ class CsvFile(Source):
 
     def _with_unix_times(self, piece: bytes, columns: Sequence[str], line: int) -> bytes:
         """Complete lines with the ISO 8601 times in some columns as seconds since 1970."""
-        places = [self.names.index(name) for name in columns]
+        places = [self.place(name) for name in columns]
         mark = self._separator.encode()
         lines = piece.split(b"\n")
         for k, text in enumerate(lines):
@@ -213,13 +235,15 @@ class CsvFile(Source):
                     fields[place] = b"%.6f" % unix_time(cell) if cell else b""
                 except ValueError:
                     where = f"{self.path}, line {line + k}"
-                    raise InputError("not-a-time.unix", where=where, column=self.names[place], text=cell[:40]) from None
+                    raise InputError(
+                        "not-a-time.unix", where=where, column=self.written[place], text=cell[:40]
+                    ) from None
             lines[k] = mark.join(fields)
         return b"\n".join(lines)
 
     def _numbers(self, piece: bytes, columns: Sequence[str], line: int) -> FloatArray:
         """Rows (n, k) of the numbers in some columns of complete lines; nan where a field is empty."""
-        places = {name: self.names.index(name) for name in columns}
+        places = {self.written[self.place(name)]: self.place(name) for name in columns}
         if not piece.strip():
             return np.empty((0, len(places)))
         try:
@@ -267,14 +291,14 @@ class CsvFile(Source):
 
 
 def head_columns(head: Head) -> list[str]:
-    """The column names of a file; none if it is not text with a line below a header."""
+    """The columns by the names that furrowmap gives them; none if it is not text with a line below a header."""
     if b"\0" in head.data:
         return []
     lines = head.data.split(b"\n")
     header = header_of(lines[:-1])
     if not any(lines[header.lines :]) or sum(map(len, lines[: header.lines])) > MAX_HEADER_BYTES:
         return []
-    return header.names
+    return standard_names(header.names)
 
 
 def names_a_position(name: str) -> bool:

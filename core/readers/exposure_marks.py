@@ -19,10 +19,11 @@ MARKS_PATTERN: Final = "*.[Mm][Rr][Kk]"
 MAX_MARKS_BYTES: Final = 1 << 25
 FIXED_FROM: Final = 50
 _IMAGE: Final = re.compile(r".*?_(\d{1,5})(?:_[A-Za-z]\w*)*\.\w+", re.ASCII)
-_DECIMAL: Final = r"(-?\d+(?:\.\d+)?)"
+_DECIMAL: Final = r"(-?\d{1,12}(?:\.\d{1,20})?)"
+"""Digits are bounded: a damaged line may have any number of them."""
 _MARK_LINE: Final = re.compile(
-    rf"\s*(\d+)\s+{_DECIMAL}\s+\[(\d+)\]\s+{_DECIMAL},N\s+{_DECIMAL},E\s+{_DECIMAL},V"
-    rf"\s+{_DECIMAL},Lat\s+{_DECIMAL},Lon\s+{_DECIMAL},Ellh(?:\s+{_DECIMAL},\s*{_DECIMAL},\s*{_DECIMAL})?(?:\s+(\d+),Q)?",
+    rf"\s*(\d{{1,9}})\s+{_DECIMAL}\s+\[(\d{{1,6}})\]\s+{_DECIMAL},N\s+{_DECIMAL},E\s+{_DECIMAL},V"
+    rf"\s+{_DECIMAL},Lat\s+{_DECIMAL},Lon\s+{_DECIMAL},Ellh(?:\s+{_DECIMAL},\s*{_DECIMAL},\s*{_DECIMAL})?(?:\s+(\d{{1,3}}),Q)?",
     re.ASCII,
 )
 

@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.readers.csv_file import TIMES, read_small, text_rows, unix_time
+from furrowmap.core.readers.column_names import column_of, means, standard_names
+from furrowmap.core.readers.csv_file import TIMES, names_a_position, read_small, text_rows, unix_time
 from furrowmap.core.readers.csv_text import header_of
 from furrowmap.core.readers.epochs import utc_of
 from furrowmap.core.readers.reader import ReadOptions
@@ -33,10 +34,11 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     table = text_rows(data, path, notices)
     names = table.names
     cells = table.rows
-    file = next((name for name in FILES if name in names), None)
-    time = next((name for name in _TIMES if name in names), None)
+    file = column_of(FILES, names, path)
+    time = column_of(_TIMES, names, path)
     if file is None or time is None:
         raise InputError("missing-column.images", path=path, names=", ".join(names)[:80])
+    kind = next(name for name in _TIMES if means(time, name))
     rows = [(line, row[file], row[time]) for line, row in cells if row.get(file) and row.get(time)]
     if len(rows) < len(cells):
         notices.append(Notice("rows-incomplete", source=path, whole=len(cells) - len(rows), rows=len(cells)))
@@ -44,7 +46,7 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     paths = []
     for line, name, text in rows:
         try:
-            seconds.append(float(text) if time in TIMES else unix_time(text))
+            seconds.append(float(text) if kind in TIMES else unix_time(text))
         except ValueError:
             seconds.append(math.nan)
         if not math.isfinite(seconds[-1]):
@@ -52,7 +54,7 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
         paths.append(path.parent / name.replace("\\", "/"))
         if "\0" in name or leads_out(paths[-1], folder):
             raise InputError("session-path-outside", table=path, name=name[:80])
-    times = utc_of(np.array(seconds, np.float64), TIMES.get(time, "unix"), str(path), ReadOptions())
+    times = utc_of(np.array(seconds, np.float64), TIMES.get(kind, "unix"), str(path), ReadOptions())
     there = np.array([_is_file(image) for image in paths], bool)
     if not there.all():
         first = rows[int(np.argmin(there))][1]
@@ -71,4 +73,7 @@ def is_image_table(path: Path) -> bool:
     """Whether the first line of a CSV has the columns of a table of images."""
     with Source(path) as source:
         names = header_of(source.read(4096).split(b"\n")).names
-    return not set(FILES).isdisjoint(names) and not set(_TIMES).isdisjoint(names)
+    named = [name for name in names if any(means(name, file) for file in FILES)]
+    if all(means(name, FILES[-1]) for name in named) and any(map(names_a_position, standard_names(names))):
+        return False  # points have names and times as well
+    return bool(named) and any(means(name, time) for name in names for time in _TIMES)

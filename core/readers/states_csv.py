@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from furrowmap.core.readers.column_names import expected_once
 from furrowmap.core.readers.csv_file import head_columns, is_whole, read_small, text_rows, unix_time
 from furrowmap.core.readers.csv_text import header_of, row_cells
 from furrowmap.core.readers.reader import FileReader, Inspection
@@ -17,6 +18,7 @@ from furrowmap.core.values.clock import LAST_S, iso_utc
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 MAX_STATES_BYTES: Final = 50_000_000
+_COLUMNS: Final = ("t_s", "time", "state", "sigma_s", "confidence", "common_share")
 _STATE_WORDS: Final = {state.label: state for state in ToolState}
 
 
@@ -91,7 +93,10 @@ def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState,
         if fault or not (complete or is_whole(last, lines[header.lines :], header.separator)):
             notices.append(Notice("last-line-cut", path=path))
             data = b"\n".join(lines)
-    for number, row in text_rows(data, path, notices).rows:
+    table = text_rows(data, path, notices)
+    standard = expected_once(table.names, _COLUMNS, path)
+    for number, fields in table.rows:
+        row = {standard[name]: text for name, text in fields.items()}
         if not any(row.values()):
             continue
         where = f"{path}, line {number}"

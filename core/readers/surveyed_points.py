@@ -13,6 +13,7 @@ import shapely
 from furrowmap.core.geodesy.crs_change import bounds_in, crs_change, horizontal_part
 from furrowmap.core.readers.agopengps import elevation_file, read_elevations
 from furrowmap.core.readers.areas.area import nothing_within, read_area
+from furrowmap.core.readers.column_names import ELLIPSOIDAL_H, means, standard_name, unit_fault
 from furrowmap.core.readers.text_table import TextTable, column_names, is_spreadsheet, read_table
 from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer
 from furrowmap.core.runtime.arrays import FloatArray
@@ -137,6 +138,9 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
 def _crs_of_rows(path: Path, rows: "_SurveyRows", stated: pyproj.CRS) -> pyproj.CRS:
     """The CRS of the rows of a table; of longitudes and latitudes the geographic base of a stated map."""
     flat = horizontal_part(stated)
+    fault = unit_fault(rows.units_m, flat)
+    if fault:
+        raise _unreadable(path, fault)
     base = flat.geodetic_crs
     if flat.is_geographic and (np.nanmax(np.abs(rows.xyz[:, :2]), axis=0, initial=0.0) > _MOST_DEGREES).any():
         raise InputError("points-crs-missing", path=path, flat=full_name_of(flat))
@@ -171,7 +175,8 @@ class _SurveyRows:
 
     Attributes:
         ellipsoidal: whether the column of heights says that they are above the ellipsoid.
-        metres: whether it says that they are in metres.
+        metres: whether they are in metres, as it says.
+        units_m: of eastings and northings, in metres, None where they state none.
     """
 
     names: list[str]
@@ -181,6 +186,7 @@ class _SurveyRows:
     ellipsoidal: bool = False
     metres: bool = False
     crs: pyproj.CRS | None = None
+    units_m: tuple[float | None, ...] = ()
     notices: tuple[Notice, ...] = ()
 
 
@@ -238,8 +244,13 @@ def _rows_of_layer(path: Path) -> _SurveyRows:
     if (several := int((members > 1).sum())) > 0:
         notices.append(Notice("points-split", path=path.name, several=several, points=int(members[members > 1].sum())))
     xyz: FloatArray = np.column_stack([part(single) for part in (shapely.get_x, shapely.get_y, shapely.get_z)])
-    column = _first_filled(table, _HEIGHT_COLUMNS)
-    xyz[:, 2], about = _heights(path, xyz[:, 2], column, table.numbers(column)[feature] if column else None)
+    column = _first_filled(table, _HEIGHT_COLUMNS) or table.find([_HEIGHT_COLUMNS[0]])
+    stated = None
+    if column is not None:
+        unit_m = table.unit_m(column)
+        stated = table.numbers(column)[feature] * (unit_m or 1.0)
+        notices += [Notice("heights-in-feet", unit_m=unit_m)] if unit_m not in (None, 1.0) else []
+    xyz[:, 2], about = _heights(path, xyz[:, 2], column, stated)
     return _SurveyRows(labels, xyz, _sigmas(table)[feature], crs=layer.crs, notices=(*notices, *layer.notices, *about))
 
 
@@ -273,10 +284,8 @@ def _heights(
 
 def _rows_of_table(path: Path) -> _SurveyRows:
     table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
-    pairs = [pair for pair in _PLACE_COLUMNS if set(pair) <= set(table.columns)]
-    place = next((pair for pair in pairs if all(_filled(table, name) for name in pair)), None)
-    place = place or next(iter(pairs), None)
-    height = _first_filled(table, _HEIGHT_COLUMNS) or table.find(_HEIGHT_COLUMNS)
+    place = _place(table)
+    height = _first_filled(table, _HEIGHT_COLUMNS) or table.find((*_HEIGHT_COLUMNS, ELLIPSOIDAL_H))
     missing = [*(_PLACE_COLUMNS[0] if place is None else ()), *(_HEIGHT_COLUMNS[:1] if height is None else ())]
     if place is None or height is None:
         raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {table.names})")
@@ -286,12 +295,28 @@ def _rows_of_table(path: Path) -> _SurveyRows:
         said = [f"line {at[0]} holds {at[1]!r} under {name}" for name, at in faults if at is not None]
         raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
     xyz = np.column_stack([table.numbers(name) for name in wanted])
-    degrees = place[0] in _DEGREE_COLUMNS
+    degrees = any(means(table.written.get(place[0], place[0]), name) for name in _DEGREE_COLUMNS)
     if degrees and (largest := np.nanmax(np.abs(xyz[:, 1]))) > 90.0:
         raise _unreadable(path, f"has latitudes such as {largest:g}: longitude and latitude are swapped")
-    ellipsoidal = height in _ELLIPSOIDAL
-    metres = height.endswith("_m")
-    return _SurveyRows(_names(table), xyz, _sigmas(table), degrees, ellipsoidal, metres, notices=table.notices)
+    ellipsoidal = height in _ELLIPSOIDAL or standard_name(table.written.get(height, height)) == ELLIPSOIDAL_H
+    unit_m = table.unit_m(height)
+    xyz[:, 2] *= unit_m or 1.0
+    notices = [*table.notices, *([Notice("heights-in-feet", unit_m=unit_m)] if unit_m not in (None, 1.0) else [])]
+    units = () if degrees else tuple(table.unit_m(name) for name in place)
+    return _SurveyRows(
+        _names(table), xyz, _sigmas(table), degrees, ellipsoidal, unit_m is not None, None, units, tuple(notices)
+    )
+
+
+def _place(table: TextTable) -> tuple[str, str] | None:
+    """The columns of the places: those that are named as furrowmap does and are filled, else any that mean it."""
+    pairs = [pair for pair in _PLACE_COLUMNS if set(pair) <= set(table.columns)]
+    place = next((pair for pair in pairs if all(_filled(table, name) for name in pair)), None)
+    for pair in () if place else _PLACE_COLUMNS:
+        east, north = (table.find([name]) for name in pair)
+        if east is not None and north is not None:
+            return east, north
+    return place or next(iter(pairs), None)
 
 
 def _filled(table: TextTable, name: str) -> bool:
@@ -310,8 +335,11 @@ def _names(table: TextTable) -> list[str]:
 
 def _sigmas(table: TextTable) -> FloatArray:
     found = [_first_filled(table, names) for names in _DEVIATION_COLUMNS]
+    found = [name or table.find(names[:1]) for name, names in zip(found, _DEVIATION_COLUMNS, strict=True)]
     unknown = np.full(len(table.lines), np.nan)
-    return np.column_stack([unknown if name is None else table.numbers(name) for name in found])
+    return np.column_stack(
+        [unknown if name is None else table.numbers(name) * (table.unit_m(name) or 1.0) for name in found]
+    )
 
 
 def _unreadable(path: Path, why: str) -> InputError:

@@ -3,8 +3,8 @@
 import csv
 import re
 import zipfile
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path, PurePosixPath
@@ -12,6 +12,14 @@ from typing import Final
 
 import numpy as np
 
+from furrowmap.core.readers.column_names import (
+    ambiguous,
+    length_unit_m,
+    means,
+    standard_name,
+    states_unit,
+    without_unit,
+)
 from furrowmap.core.readers.csv_text import SEPARATORS, has_decimal_commas, header_of, separator_of_line
 from furrowmap.core.readers.las.decoder import Decoder, Undecodable
 from furrowmap.core.readers.source import Source, cut_notice
@@ -81,12 +89,20 @@ _UNIT: Final = re.compile(r"\s*[(\[（].*?[)\]）]\s*$")
 
 @dataclass(frozen=True)
 class TextTable:
-    """Rows of text under names of columns in lower case, without a unit in brackets."""
+    """Rows of text under names of columns in lower case, without a unit in brackets.
+
+    Attributes:
+        written: the names as they stand in the file, by those of `columns`.
+        twice: names of several columns with different cells, of which `columns` has the first.
+    """
 
     columns: dict[str, list[str]]
     lines: list[int]
     decimal_comma: bool
     notices: tuple[Notice, ...] = ()
+    written: Mapping[str, str] = field(default_factory=dict)
+    twice: frozenset[str] = frozenset()
+    path: Path = Path()
 
     @property
     def names(self) -> str:
@@ -94,8 +110,32 @@ class TextTable:
         return ", ".join(self.columns)[:200]
 
     def find(self, names: Iterable[str]) -> str | None:
-        """The first of some names that a column has."""
-        return next((name for name in names if name in self.columns), None)
+        """The column that has one of some names, the first of them that one has, or means it (:mod:`.column_names`).
+
+        It may be a length in another unit, which :meth:`unit_m` tells.
+
+        InputError if several mean it and differ.
+        """
+        wanted = list(names)
+        found = next((name for name in wanted if name in self.columns), None)
+        if found is not None:
+            if found in self.twice:
+                raise ambiguous(self.path, found, [self.written.get(found, found)] * 2)
+            return found
+        titles = {self.written.get(name, name): name for name in self.columns}
+        for name in wanted:
+            standard = standard_name(name)
+            of_length = [title for title in titles if standard is not None and without_unit(title) == standard]
+            same = [title for title in titles if means(title, name)] or of_length
+            if len({tuple(self.columns[titles[title]]) for title in same}) > 1:
+                raise ambiguous(self.path, name, same)
+            if same:
+                return titles[same[0]]
+        return None
+
+    def unit_m(self, name: str) -> float | None:
+        """The unit of length that the name of a column states in brackets or at its end, in metres."""
+        return length_unit_m(self.written.get(name, name))
 
     def numbers(self, name: str) -> FloatArray:
         """A column (n,); nan where a cell holds no number."""
@@ -127,7 +167,7 @@ def column_names(path: Path) -> list[str]:
         head = source.read(_TABLE_HEAD_BYTES)
     if b"\0" in head or head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"<", b"["):
         return []
-    return [_plain_name(name) for name in header_of(head.split(b"\n")).names]
+    return _plain_names(header_of(head.split(b"\n")).names)
 
 
 def is_spreadsheet(path: Path) -> bool:
@@ -178,25 +218,44 @@ def _sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
     rows = [row for row in _sheet_rows(path) if any(cell.strip() for cell in row)]
     if not rows:
         raise unreadable("its first sheet is empty")
-    return _table_of(rows, list(range(2, 1 + len(rows))), decimal_comma=False)
+    return replace(_table_of(rows, list(range(2, 1 + len(rows))), decimal_comma=False), path=path)
 
 
 def _reason(error: ValueError | OSError) -> str:
     return str(error.strerror if isinstance(error, OSError) else error)
 
 
-def _plain_name(cell: str) -> str:
-    return _UNIT.sub("", cell.strip()).casefold()
+def _plain_names(cells: Sequence[str]) -> list[str]:
+    """Names in lower case; without what stands in brackets, unless it changes the meaning or tells columns apart."""
+    short = [_UNIT.sub("", cell.strip()) for cell in cells]
+    return [
+        (whole.strip() if _means_other(whole, plain) or short.count(plain) > 1 else plain).casefold()
+        for whole, plain in zip(cells, short, strict=True)
+    ]
+
+
+def _means_other(written: str, plain: str) -> bool:
+    """Whether a name means something else without its brackets: `Height (ellipsoidal)`, `X (Northing)`, `lon (rad)`."""
+    standard = standard_name(written)
+    if standard is not None:
+        return standard != standard_name(plain)
+    return states_unit(written) and standard_name(plain) is not None and without_unit(written) is None
 
 
 def _table_of(rows: list[list[str]], lines: list[int], *, decimal_comma: bool) -> TextTable:
     """The rows below the first, which has the names of the columns."""
-    names = [_plain_name(cell) for cell in rows[0]]
+    names = _plain_names(rows[0])
     if len(names) * len(rows) > _MOST_CELLS + _PADDED_TIMES * sum(map(len, rows)):
         raise ValueError(f"it has {len(names):,} columns, of which most rows have only the first")
     body = [[*row, *[""] * (len(names) - len(row))] for row in rows[1:]]
-    columns = {name: [row[k] for row in body] for k, name in enumerate(names) if name}
-    return TextTable(columns, lines, decimal_comma)
+    columns: dict[str, list[str]] = {}
+    twice = set()
+    for k, name in enumerate(names):
+        cells = [row[k] for row in body]
+        if name and columns.setdefault(name, cells) != cells:
+            twice.add(name)
+    written = dict(zip(names, (cell.strip() for cell in rows[0]), strict=True))
+    return TextTable(columns, lines, decimal_comma, written=written, twice=frozenset(twice))
 
 
 def _parse_table(path: Path) -> TextTable:
@@ -216,7 +275,7 @@ def _parse_table(path: Path) -> TextTable:
     except csv.Error as error:  # such as a cell without an end
         raise ValueError(f"it is no table of cells ({error})") from None
     table = _table_of(rows, [k for k, _ in lines[1 : len(rows)]], decimal_comma=has_decimal_commas(rows[1:], separator))
-    return replace(table, notices=tuple(notices))
+    return replace(table, notices=tuple(notices), path=path)
 
 
 def _decoded(path: Path) -> tuple[list[str], list[Notice]]:

@@ -53,6 +53,22 @@ def blank_between(cells: Cells) -> str:
     return "\n".join(["", *lines(cells).splitlines()[:2], "", *lines(cells).splitlines()[2:], "", ""])
 
 
+TITLES: Mapping[str, str] = {
+    "time_unix_s": "Unix time [s]", "e_m": "Easting (m)", "n_m": "Northing (m)", "h_m": "Height (m)",
+    "lon_deg": "Longitude [deg]", "lat_deg": "Latitude [deg]", "roll_deg": "Roll (deg)", "pitch_deg": "Pitch (°)",
+    "heading_deg": "Heading (degrees)", "yaw_deg": "Yaw [deg]", "gyro_x_dps": "Gyro X (deg/s)",
+    "gyro_y_dps": "GyroY [°/s]", "gyro_z_dps": "Angular Rate Z [deg/s]", "accel_x_mps2": "AccX (m/s^2)",
+    "accel_y_mps2": "Acceleration Y [m/s²]", "accel_z_mps2": "acc_z_m_s2", "angle_deg": "Angle (deg)",
+    "range_m": "Distance [m]", "file": "Filename", "state": "State", "t_s": "T (s)", "id": "ID",
+}  # fmt: skip
+"""Names of columns as other programs write them."""
+
+
+def renamed(cells: Cells, name: Callable[[str], str]) -> Cells:
+    header, *rows = cells
+    return [[name(cell) for cell in header], *rows]
+
+
 WAYS: Mapping[str, Callable[[Cells], bytes]] = {
     "commas": lambda cells: lines(cells).encode(),
     "semicolons": lambda cells: lines(cells, ";").encode(),
@@ -77,6 +93,10 @@ WAYS: Mapping[str, Callable[[Cells], bytes]] = {
     "Japanese words in UTF-8": lambda cells: lines(with_column(cells, "備考", "圃場1")).encode(),
     "Japanese words in Shift-JIS": lambda cells: lines(with_column(cells, "備考", "圃場1")).encode("cp932"),
     "French words in Windows-1252": lambda cells: lines(with_column(cells, "témoin", "début")).encode("cp1252"),
+    "names in capitals": lambda cells: lines(renamed(cells, str.upper)).encode(),
+    "names with spaces and units in brackets": lambda cells: lines(
+        renamed(cells, lambda name: TITLES.get(name, name))
+    ).encode(),
     "gzip": lambda cells: gzip.compress(lines(cells).encode()),
     "Zstandard": lambda cells: zstd.compress(lines(cells).encode()),
     "xz": lambda cells: lzma.compress(lines(cells).encode()),

@@ -12,6 +12,7 @@ from pyproj import CRS
 
 from furrowmap.core.readers.agopengps import is_field_folder, read_outline
 from furrowmap.core.readers.areas.repair import repaired, workable
+from furrowmap.core.readers.column_names import means, unit_fault
 from furrowmap.core.readers.isoxml.content import is_task_data, open_task_sets, read_content
 from furrowmap.core.readers.text_table import column_names, is_spreadsheet, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable, read_polygons
@@ -22,6 +23,7 @@ IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name",
 """Accepted names of the column of identifiers, in any case."""
 _MAP_PAIRS: Final = (("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"))
 _DEGREE_PAIRS: Final = (("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"))
+_PAIRS: Final = (*_MAP_PAIRS, *_DEGREE_PAIRS)
 
 
 def open_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> Polygons:
@@ -73,7 +75,7 @@ def _is_corner_table(path: Path) -> bool:
         words = set(_MAP_PAIRS[0]) if is_spreadsheet(path) else set(column_names(path))
     except OSError:
         return False
-    return any(x in words and y in words for x, y in (*_MAP_PAIRS, *_DEGREE_PAIRS))
+    return any(all(any(means(word, name) for word in words) for name in pair) for pair in _PAIRS)
 
 
 def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> Polygons:
@@ -82,10 +84,15 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
     if size > MAX_VECTOR_BYTES:
         raise unreadable(f"{size:,} bytes is too large for a table of corners")
     table = read_table(path, unreadable)
-    names = next((pair for pair in (*_MAP_PAIRS, *_DEGREE_PAIRS) if set(pair) <= set(table.columns)), None)
+    pair = next((pair for pair in _PAIRS if set(pair) <= set(table.columns)), None)
+    pair = pair or next((pair for pair in _PAIRS if all(table.find([name]) for name in pair)), None)
+    names = [table.find([name]) or name for name in pair or ()]
     column = table.find(IDS)
-    if names is None or column is None or not table.lines:
+    if pair is None or column is None or not table.lines:
         raise unreadable(f"no rows with an identifier and two coordinates (its columns: {table.names})")
+    other_unit = unit_fault([table.unit_m(name) for name in names], target) if pair in _MAP_PAIRS else ""
+    if other_unit:
+        raise unreadable(other_unit)
     xy = np.column_stack([table.numbers(name) for name in names])
     for name in names:
         fault = table.first_fault(name)
@@ -105,10 +112,10 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
             raise unreadable(f"parcel {name!r} has {len(members)} corners, and a polygon has three or more")
         shapes.append(shapely.Polygon(xy[members]))
         attributes.append({column: name, **{key: number_or_text(cells[members[0]]) for key, cells in others.items()}})
-    if target is None and names in _MAP_PAIRS:
+    if target is None and pair in _MAP_PAIRS:
         raise unreadable("it states no CRS for its eastings and northings; longitudes and latitudes need none")
     base = target.geodetic_crs if target is not None else _LONGITUDES
-    crs = target if target is not None and (names in _MAP_PAIRS or base is None) else base
+    crs = target if target is not None and (pair in _MAP_PAIRS or base is None) else base
     assert crs is not None
     try:
         return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, table.notices)

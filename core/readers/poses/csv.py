@@ -9,11 +9,12 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from furrowmap.core.readers.column_names import ELLIPSOIDAL_H
 from furrowmap.core.readers.csv_file import TIMES, Column, CsvFile, head_columns, names_a_position
 from furrowmap.core.readers.poses.file import PoseFile, RawPoses
 from furrowmap.core.readers.reader import Inspection
 from furrowmap.core.readers.source import Head
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import InputError, Notice
 
 PROJECTED_COLUMNS: Final = ("e_m", "n_m", "h_m")
 GEOGRAPHIC_COLUMNS: Final = ("lon_deg", "lat_deg", "h_m")
@@ -66,9 +67,9 @@ class PoseCsv(PoseFile):
         """Read the whole first file and report what it contains, its columns and where it is."""
         inspection = super().inspect()
         with CsvFile(self.paths[0], []) as file:
-            columns = _columns(file)
-            place = _place(file) if PROJECTED_COLUMNS[0] in columns else {}
-        unused = [name for name in file.names if name not in columns]
+            columns = [file.written[file.place(name)] for name in _columns(file)]
+            place = _place(file) if file.find(PROJECTED_COLUMNS[:1]) else {}
+        unused = [name for name in file.written if name not in columns]
         facts: dict[str, Any] = {"columns": columns, "unused_columns": unused, **inspection.facts}
         return replace(inspection, facts=facts | ({"place": place} if place else {}))
 
@@ -79,6 +80,9 @@ class PoseCsv(PoseFile):
             schema = [Column({name: 1.0}, POSE_RANGES.get(name, (-np.inf, np.inf))) for name in columns[:NEEDED]]
             schema += [Column({name: 1.0}, optional=True, sparse=True) for name in POSE_SIGMA_COLUMNS]
             rows = file.rows(schema, outside_key="value-out-of-range.poses")
+            written = file.written[file.place(columns[3])]
+            if columns[1] == GEOGRAPHIC_COLUMNS[0] and columns[3] == "h_m" != written:
+                self.notices.append(Notice("columns-by-meaning.height", path=path.name, column=written))
         if len(rows) < 2:
             raise InputError("no-poses", path=path, found=f"{len(rows)} complete rows below the header")
         time = columns[0]
@@ -90,7 +94,7 @@ class PoseCsv(PoseFile):
             TIMES[time],
             f"from its column `{time}`",
             rows[:, 1:],
-            projected=PROJECTED_COLUMNS[0] in columns,
+            projected=columns[1] == PROJECTED_COLUMNS[0],
             true_north=False,
             name=str(path),
         )
@@ -101,9 +105,13 @@ def _columns(file: CsvFile) -> list[str]:
     names = set(file.names)
     projected = names >= {"e_m", "n_m"} or not {"lon_deg", "lat_deg"} & names
     sigmas = [name for name in POSE_SIGMA_COLUMNS if name in names]
+    h_m = PROJECTED_COLUMNS[2]
+    if not projected and h_m not in file.written and file.find([ELLIPSOIDAL_H]):
+        h_m = ELLIPSOIDAL_H
     return [
         file.find(TIMES) or "time_unix_s",
-        *(PROJECTED_COLUMNS if projected else GEOGRAPHIC_COLUMNS),
+        *(PROJECTED_COLUMNS[:2] if projected else GEOGRAPHIC_COLUMNS[:2]),
+        h_m,
         *ATTITUDE_COLUMNS,
         *sigmas,
     ]
@@ -111,26 +119,27 @@ def _columns(file: CsvFile) -> list[str]:
 
 def _expect_once(file: CsvFile, columns: Sequence[str]) -> None:
     for name in columns:
-        count = file.names.count(name)
+        count = file.written.count(name)
+        if count <= 1 and file.find([name]) is not None:
+            continue
         if count > 1:
             raise InputError("column-twice", path=file.path, count=count, name=name)
-        if count == 0:
-            raise InputError(
-                "missing-column.poses",
-                path=file.path,
-                name=name,
-                other={"time_unix_s": "time_gps_s", "e_m": "lon_deg", "n_m": "lat_deg"}.get(name),
-                near=_nearest(name, file.names) or None,
-                values=", ".join(("time_unix_s", *PROJECTED_COLUMNS, *ATTITUDE_COLUMNS)),
-            )
+        strangers = [own for own, meant in zip(file.written, file.names, strict=True) if meant not in POSE_CSV_COLUMNS]
+        raise InputError(
+            "missing-column.poses",
+            path=file.path,
+            name=name,
+            other={"time_unix_s": "time_gps_s", "e_m": "lon_deg", "n_m": "lat_deg"}.get(name),
+            near=_nearest(name, strangers) or None,
+            values=", ".join(("time_unix_s", *PROJECTED_COLUMNS, *ATTITUDE_COLUMNS)),
+        )
 
 
-def _nearest(wanted: str, names: Sequence[str]) -> str:
+def _nearest(wanted: str, strangers: Sequence[str]) -> str:
     """The column that may be meant: one with the same word in its name, or spelt similarly; "" if there is none."""
     word = {"time_unix_s": "time|tow|epoch", "e_m": "east|^x$", "n_m": "north|^y$", "h_m": "height|alt|^z$"}.get(
         wanted, wanted.split("_")[0]
     )
-    strangers = [name for name in names if name not in POSE_CSV_COLUMNS]
     same = [name for name in strangers if re.search(word, name.lower())]
     return next(iter(same + difflib.get_close_matches(wanted, strangers, 1, 0.5)), "")
 

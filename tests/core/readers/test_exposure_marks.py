@@ -128,3 +128,14 @@ def test_marks__that_a_link_brings_from_another_folder_are_not_read(tmp_path: Pa
     images, notices = read([image(tmp_path / "images" / "DJI_0001.JPG", FIRST)])
     assert images.t_s.tolist() == [FIRST.timestamp()]
     assert "images-marked" not in notices
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("50,Q", "5" * 5000 + ",Q"), ("1\t", "1" * 5000 + "\t"), ("[", "[" + "9" * 400)]
+)
+def test_endless_numbers__count_for_nothing(old: str, new: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.MRK"
+    path.write_text(line(1, 0.5).replace(old, new, 1) + line(2, 1.5))
+    marks = read_marks(path)
+    assert 2 in marks
+    assert not any(mark.is_fixed for number, mark in marks.items() if number != 2)

@@ -99,9 +99,9 @@ def test_columns__easting_and_northing_are_preferred_to_longitude_and_latitude(t
     ("header", "missing", "nearest"),
     [
         (HEADER.replace("heading_deg", "Heading"), "heading_deg", "Heading"),
-        (HEADER.replace("h_m", "altitude"), "h_m", "altitude"),
-        (HEADER.replace("e_m", "Easting"), "e_m", "Easting"),
-        (HEADER.replace("time_unix_s", "unix_time"), "time_unix_s", "unix_time"),
+        (HEADER.replace("h_m", "Altitude MSL"), "h_m", "Altitude MSL"),
+        (HEADER.replace("e_m", "Easting (ft)"), "e_m", "Easting (ft)"),
+        (HEADER.replace("time_unix_s", "unix_time_ms"), "time_unix_s", "unix_time_ms"),
         (HEADER.replace("pitch_deg", "pich_deg"), "pitch_deg", "pich_deg"),
     ],
 )
