@@ -23,15 +23,15 @@ FOOT_M: Final = 0.3048
 _US_FOOT_M: Final = 1200.0 / 3937.0
 ELLIPSOIDAL_H: Final = "h_ellipsoidal_m"
 SEA_LEVEL_H: Final = "h_orthometric_m"
-_WORDS: Final = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+\d*|[A-Z]+\d*|\d+|[^\W\d_A-Za-z]+")
-_BRACKETS: Final = re.compile(r"[(\[{]([^)\]}]*)[)\]}]")
+_NAME_WORDS: Final = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+\d*|[A-Z]+\d*|\d+|[^\W\d_A-Za-z]+")
+_IN_BRACKETS: Final = re.compile(r"[(\[{]([^)\]}]*)[)\]}]")
 _RATES_OF_UNITS: Final = (
     (re.compile(r"(?:°|deg(?:rees?)?)\s*(?:/|per\s+)\s*s(?:ec(?:onds?)?)?\b", re.IGNORECASE), " dps "),
     (re.compile(r"rad(?:ians?)?\s*(?:/|per\s+)\s*s(?:ec(?:onds?)?)?\b", re.IGNORECASE), " radps "),
     (re.compile(r"\bm\s*/\s*s\s*(?:\^?\s*2|/\s*s)", re.IGNORECASE), " mps2 "),
     (re.compile(r"°"), " deg "),
 )
-_SYNONYMS: Final = {
+_SAME_WORDS: Final = {
     "latitude": "lat", "longitude": "lon", "long": "lon", "lng": "lon",
     "easting": "e", "east": "e", "northing": "n", "north": "n",
     "height": "h", "hgt": "h", "altitude": "h", "alt": "h", "elevation": "h", "elev": "h",
@@ -51,9 +51,9 @@ _SYNONYMS: Final = {
     "sde": "sigma e", "sdn": "sigma n", "sdu": "sigma h", "sdh": "sigma h",
     "distance": "range", "dist": "range", "hdg": "heading",
 }  # fmt: skip
-_UNITS: Final = frozenset({"deg", "rad", "m", "cm", "mm", "km", "ft", "us ft", "s", "ms", "us", "ns"})
+_PLAIN_UNITS: Final = frozenset({"deg", "rad", "m", "cm", "mm", "km", "ft", "us ft", "s", "ms", "us", "ns"})
 _MOTION_UNITS: Final = frozenset({"dps", "radps", "mps2", "g", "mg", "deg s", "rad s", "m s2"})
-_SAME_UNIT: Final = 1e-5
+_SAME_LENGTH: Final = 1e-5
 """Both feet count as one: `ft` is written for either."""
 _LENGTHS_M: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": FOOT_M, "us ft": _US_FOOT_M}
 
@@ -116,10 +116,10 @@ def _words_and_unit(name: str) -> tuple[frozenset[str], str]:
     text = unicodedata.normalize("NFKC", name.strip())
     for pattern, unit in _RATES_OF_UNITS:
         text = pattern.sub(unit, text)
-    inside = " ".join(_BRACKETS.findall(text))
-    outside, bracket = (_plain_words(part) for part in (_BRACKETS.sub(" ", text), inside))
+    inside = " ".join(_IN_BRACKETS.findall(text))
+    outside, bracket = (_plain_words(part) for part in (_IN_BRACKETS.sub(" ", text), inside))
     words = [*outside, *bracket]
-    known = _UNITS | (_MOTION_UNITS if {"gyro", "force", "velocity"} & set(words) else frozenset())
+    known = _PLAIN_UNITS | (_MOTION_UNITS if {"gyro", "force", "velocity"} & set(words) else frozenset())
     for last in (2, 1):
         unit = " ".join(words[-last:])
         if len(words) > last and unit in known:
@@ -128,8 +128,8 @@ def _words_and_unit(name: str) -> tuple[frozenset[str], str]:
 
 
 def _plain_words(text: str) -> list[str]:
-    words = (found.casefold() for found in _WORDS.findall(text))
-    return [word for found in words for word in _SYNONYMS.get(found, found).split()]
+    words = (found.casefold() for found in _NAME_WORDS.findall(text))
+    return [word for found in words for word in _SAME_WORDS.get(found, found).split()]
 
 
 @cache
@@ -153,7 +153,7 @@ def length_unit_m(name: str) -> float | None:
 def unit_fault(units_m: Sequence[float | None], crs: CRS | None) -> str:
     """Why eastings and northings in stated units (metres in each) are not those of a CRS; "" where they may be."""
     unit_m = crs.axis_info[0].unit_conversion_factor if crs is not None and crs.is_projected else 1.0
-    other = next((one for one in units_m if one is not None and abs(one / unit_m - 1.0) > _SAME_UNIT), None)
+    other = next((one for one in units_m if one is not None and abs(one / unit_m - 1.0) > _SAME_LENGTH), None)
     return "" if other is None else f"states its eastings in units of {other:.10g} m, and the CRS has {unit_m:.10g} m"
 
 

@@ -18,7 +18,7 @@ from furrowmap.core.values.clock import LAST_S, iso_utc
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 MAX_STATES_BYTES: Final = 50_000_000
-_COLUMNS: Final = ("t_s", "time", "state", "sigma_s", "confidence", "common_share")
+_STATE_COLUMNS: Final = ("t_s", "time", "state", "sigma_s", "confidence", "common_share")
 _STATE_WORDS: Final = {state.label: state for state in ToolState}
 
 
@@ -94,7 +94,7 @@ def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState,
             notices.append(Notice("last-line-cut", path=path))
             data = b"\n".join(lines)
     table = text_rows(data, path, notices)
-    standard = expected_once(table.names, _COLUMNS, path)
+    standard = expected_once(table.names, _STATE_COLUMNS, path)
     for number, fields in table.rows:
         row = {standard[name]: text for name, text in fields.items()}
         if not any(row.values()):
