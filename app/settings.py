@@ -187,7 +187,7 @@ class ParcelSettings:
         from furrowmap.core.crops.trial_tables import day_of
 
         if self.method not in METHODS:
-            raise UsageError("usage.post-init", method=self.method, methods=", ".join(METHODS))
+            raise UsageError("usage.crop-height-method", method=self.method, methods=", ".join(METHODS))
         soil_file(self.soil)
         day_of(self.day)
 

@@ -124,7 +124,7 @@ def _board_angles(text: str) -> tuple[float, float, float]:
     """The angles of a text such as `180,0,90`."""
     angles = numbers(text)
     if len(angles) != 3:
-        raise UsageError("usage.board-angles", text=text)
+        raise UsageError("usage.board-rpy", text=text)
     return angles[0], angles[1], angles[2]
 
 

@@ -85,7 +85,7 @@ def plots(
 def _place(option: str, text: str, crs: str | None) -> Any:
     place = numbers(text)
     if len(place) != 2:
-        raise UsageError("usage.place", option=option, text=text)
+        raise UsageError("usage.place-option", option=option, text=text)
     return furrowmap.Place(place[0], place[1], crs)
 
 

@@ -200,7 +200,7 @@ def traffic(
     --tyre-width.
     """
     if (track_width is None) != (tyre_width is None):
-        raise UsageError("usage.traffic")
+        raise UsageError("usage.track-and-tyre")
     if track_width is not None and tyre_width is not None:
         settings = replace(settings, wheels=furrowmap.Wheels(track_width, tyre_width))
     with console.work(passing=True) as progress:
@@ -249,4 +249,4 @@ def _zone(name: str | None) -> ZoneInfo | None:
     try:
         return ZoneInfo(name)
     except (KeyError, ValueError, OSError):
-        raise UsageError("usage.zone", name=name) from None
+        raise UsageError("usage.time-zone", name=name) from None

@@ -147,7 +147,7 @@ def solve(
 def _labels(test: Sequence[Path], names: Sequence[str]) -> list[str]:
     """A name for each log, no two alike."""
     if names and (len(names) != len(test) or len(set(names)) != len(names) or not all(map(str.strip, names))):
-        raise UsageError("usage.labels", test=len(test), names=len(set(names)))
+        raise UsageError("usage.label-count", test=len(test), names=len(set(names)))
     labels: list[str] = []
     for label in names or [path.name for path in test]:
         same = sum(other == label or other.startswith(f"{label} (") for other in labels)
@@ -157,7 +157,7 @@ def _labels(test: Sequence[Path], names: Sequence[str]) -> list[str]:
 
 def _offsets(texts: Sequence[str], tests: int) -> list[tuple[float, float, float]]:
     if len(texts) not in (0, 1, tests):
-        raise UsageError("usage.offsets", tests=tests, texts=len(texts))
+        raise UsageError("usage.offset-count", tests=tests, texts=len(texts))
     offsets = [_offset(text) for text in texts or ("0,0,0",)]
     return offsets if len(offsets) == tests else offsets * tests
 
@@ -165,7 +165,7 @@ def _offsets(texts: Sequence[str], tests: int) -> list[tuple[float, float, float
 def _offset(text: str) -> tuple[float, float, float]:
     offset = numbers(text)
     if len(offset) != 3 or not all(abs(part) < 100.0 for part in offset):
-        raise UsageError("usage.offset", text=text)
+        raise UsageError("usage.antenna-offset", text=text)
     return offset[0], offset[1], offset[2]
 
 

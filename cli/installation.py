@@ -88,7 +88,7 @@ def install(console: Console, profile: str | None, plugins_folder: Path | None) 
     from furrowmap.workflows.share.qgis_plugin import enable_plugin, find_profiles, install_plugin
 
     if profile is not None and plugins_folder is not None:
-        raise UsageError("usage.install")
+        raise UsageError("usage.profile-and-folder")
     if plugins_folder is not None:
         installed = [install_plugin(plugins_folder)]
     else:

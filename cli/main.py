@@ -75,7 +75,7 @@ def furrowmap(ctx: click.Context, *, versions: bool, as_json: bool) -> None:
         _put_versions(as_json=as_json)
         ctx.exit()
     if ctx.invoked_subcommand is None:
-        raise UsageError("usage.furrowmap", commands=", ".join(COMMANDS))
+        raise UsageError("usage.no-command", commands=", ".join(COMMANDS))
 
 
 def _put_versions(*, as_json: bool) -> None:
@@ -175,5 +175,5 @@ def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:
     near = getattr(raised, "possibilities", None)
     message = raised.message if near else raised.format_message()
     return UsageError(
-        "usage.usage", path=path, message=message.rstrip("."), near_list=" or ".join(near) if near else None
+        "usage.parser-message", path=path, message=message.rstrip("."), near_list=" or ".join(near) if near else None
     )

@@ -548,7 +548,7 @@ def evaluate(
     """
     for track in (test, reference):
         if not len(track):
-            raise InputError("nothing-to-compare.empty", source=track.source)
+            raise InputError("nothing-to-compare.no-positions", source=track.source)
     found = match(test, reference, antenna_offset_m=antenna_offset_m, max_gap_s=max_gap_s)
     certain = np.isin(found.reference_fix, (Fix.FIXED, Fix.MANUAL, Fix.SIMULATED))
     kept = certain if fixed_reference_only else np.ones(len(found), bool)
@@ -597,7 +597,7 @@ def _notices(test: GnssTrack, reference: GnssTrack, found: MatchedEpochs, certai
     if not certain.all():
         notices.append(Notice("reference-not-fixed", source=reference.source, certain=np.mean(~certain)))
     if found.without_heading:
-        notices.append(Notice("heading-unknown.epochs", without_heading=found.without_heading))
+        notices.append(Notice("heading-unknown.epochs-without-heading", without_heading=found.without_heading))
     if not np.isfinite(found.error_m[:, 2]).any():
         notices.append(Notice("no-heights"))
     error_m = found.interpolation_m[1]

@@ -97,7 +97,7 @@ def pairs_of_files(
     if crs is None and any(in_degrees(path) for path in (measured, surveyed)):
         raise InputError("pairs-need-crs", measured=measured.name, surveyed=surveyed.name)
     if crs is None and within is not None:
-        raise InputError("pairs-need-crs.pairs-of-files", within=within)
+        raise InputError("pairs-need-crs.within-polygons", within=within)
     target = crs if crs is not None else _PLANE
     chosen = survey_of(surveyed, target, SurveyOptions(within=within))
     return paired(read_points(measured, target), chosen, measured, surveyed)

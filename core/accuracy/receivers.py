@@ -77,7 +77,7 @@ def _place(text: str) -> tuple[float, float, float] | None:
         raise InputError("bad-place", text=text)
     lat, lon, height = (float(number) for number in found.groups())
     if abs(lat) > 90.0 or abs(lon) > 360.0:
-        raise InputError("bad-place.place", text=text, lat=lat, lon=lon)
+        raise InputError("bad-place.no-such-position", text=text, lat=lat, lon=lon)
     return lat, lon, height
 
 

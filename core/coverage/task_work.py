@@ -79,7 +79,7 @@ def task_works(
     placed = [task for task in tasks if len(task.track) > 1]
     notices += [notice for task in tasks if task not in placed for notice in task.notices]
     if not placed:
-        raise InputError("no-positions.task-works", path=path, tasks=len(content.tasks))
+        raise InputError("no-positions.of-all-tasks", path=path, tasks=len(content.tasks))
     frame = _frame(placed, crs)
     width = width_m if width_m is not None else whole_width_m(placed)
     if not np.isfinite(width) or width <= 0.0:
@@ -106,7 +106,7 @@ def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
     longest = max(tasks, key=lambda task: len(task.track))
     choice = choose_crs(*middle_deg(longest.track.lon_deg, longest.track.lat_deg))
     if choice is None:
-        raise InputError("crs-unknown.frame", source=longest.track.source)
+        raise InputError("crs-unknown.near-pole", source=longest.track.source)
     return map_frame(Crs(map=choice.code))
 
 

@@ -93,7 +93,7 @@ class ToolEnds:
             told.append(Notice("tool-apart", left_m=left_m, right_m=right_m, half_m=half_m, tool=implement.name))
         if abs(self.ahead_m) > MIN_AHEAD_M:
             off = abs(self.ahead_m)
-            told.append(Notice("tool-apart.along", off_m=off, is_ahead=self.ahead_m > 0.0, tool=implement.name))
+            told.append(Notice("tool-apart.along-track", off_m=off, is_ahead=self.ahead_m > 0.0, tool=implement.name))
         return tuple(told)
 
 

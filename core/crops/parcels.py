@@ -45,11 +45,11 @@ def plot_grid(
         InputError: if direction or length are stated neither way or both ways, or the grid is too large.
     """
     if (end_m is None) == (azimuth_deg is None):
-        raise InputError("plots-grid.direction", twice=end_m is not None)
+        raise InputError("plots-grid.direction-stated", twice=end_m is not None)
     if end_m is None and grid.length_m is None:
-        raise InputError("plots-grid.length")
+        raise InputError("plots-grid.length-missing")
     if grid.by_block and grid.block is None:
-        raise InputError("plots-grid.blocks")
+        raise InputError("plots-grid.no-blocks")
     if grid.rows * grid.columns > MAX_PLOTS:
         raise InputError("plots-grid.many", plots=grid.rows * grid.columns, largest=MAX_PLOTS)
     gaps_m = (grid.columns - 1) * grid.alley_m

@@ -421,7 +421,7 @@ def analysis_of_variance(
         from statsmodels.formula.api import ols
         from statsmodels.stats.anova import anova_lm
     except ImportError:
-        raise InputError("extra-missing.analysis-of-variance") from None
+        raise InputError("extra-missing.statsmodels") from None
     names = list(dict.fromkeys(treatment))
     blocked = block is not None and len(set(block)) > 1
     table = pd.DataFrame({"value": value, "treatment": list(treatment), "block": list(block or [""] * len(value))})

@@ -132,7 +132,7 @@ def day_of(text: str | None) -> dt.date | None:
     try:
         return dt.date.fromisoformat(text) if text is not None else None
     except ValueError:
-        raise UsageError("usage.day-of", text=text) from None
+        raise UsageError("usage.invalid-day", text=text) from None
 
 
 @dataclass(frozen=True)

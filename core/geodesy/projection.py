@@ -141,7 +141,7 @@ def _from_grid(grid: Path) -> tuple[GeoidHeight, str]:
             f'+step +proj=vgridshift +grids="{place}" +multiplier=1 +step +proj=unitconvert +xy_in=rad +xy_out=deg'
         )
     except ProjError as error:
-        raise InputError("geoid-unreadable.from-grid", grid=grid, error=error) from None
+        raise InputError("geoid-unreadable.unreadable-by-proj", grid=grid, error=error) from None
     return _geoid_heights(shift, 1.0), f"the grid {grid.name}"
 
 
@@ -415,7 +415,7 @@ def stated_frame(text: str) -> StatedFrame | None:
     epoch = float(found[2])
     if not FIRST_EPOCH <= epoch <= LAST_EPOCH:
         raise InputError(
-            "epoch-out-of-range.stated-frame", found=found[2], first_epoch=FIRST_EPOCH, last_epoch=LAST_EPOCH
+            "epoch-out-of-range.stated-epoch", found=found[2], first_epoch=FIRST_EPOCH, last_epoch=LAST_EPOCH
         )
     return StatedFrame(CRS.from_authority(info.auth_name, info.code), epoch)
 

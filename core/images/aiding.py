@@ -389,7 +389,7 @@ def _unseen(control: ControlPoints, known: Known, block: ImageBlock, adjusted: A
         pixel = project(adjusted.camera, poses.in_frame(k, control.xyz_m))
         shown += inside(adjusted.camera, np.nan_to_num(pixel, nan=-1e9))
     lacking = [name for name, images in zip(control.name, shown, strict=True) if images >= 2 and name not in known.name]
-    return [Notice("control-points-unseen.some", names=", ".join(lacking))] if lacking else []
+    return [Notice("control-points-unseen.no-plate", names=", ".join(lacking))] if lacking else []
 
 
 def control_notices(names: Sequence[str], agreement: ControlAgreement) -> list[Notice]:
@@ -399,7 +399,7 @@ def control_notices(names: Sequence[str], agreement: ControlAgreement) -> list[N
     if agreement.shift_m is not None:
         east_m, north_m, up_m = agreement.shift_m.tolist()
         shift = {"east_m": east_m, "north_m": north_m, "up_m": up_m}
-        return [Notice("control-points-contradict.shift", alike=agreement.alike, control=len(names), **shift)]
+        return [Notice("control-points-contradict.all-shifted", alike=agreement.alike, control=len(names), **shift)]
     left_out = np.flatnonzero(~agreement.kept).tolist()
     points = "; ".join(
         f"{names[k]} [{', '.join(f'{off:+.3f}' for off in agreement.off_m[k].tolist())}]"

@@ -162,7 +162,7 @@ class BoardPoses:
 def expect_opencv() -> None:
     """Raise InputError where OpenCV, which looks for boards, is not installed."""
     if find_spec("cv2") is None:
-        raise InputError("extra-missing.expect-opencv")
+        raise InputError("extra-missing.opencv")
 
 
 def find_corners(image: NDArray[np.uint8], board: Board) -> FloatArray | None:

@@ -110,7 +110,7 @@ def external_states(
     assert implement is not None
     reader = open_recording(paths, ReadOptions(task=task))
     if not isinstance(reader, GivesStates):
-        raise InputError("wrong-kind-of-file.external-states", paths=paths[0], title=reader.title)
+        raise InputError("wrong-kind-of-file.no-tool-states", paths=paths[0], title=reader.title)
     states = reader.states()
     ahead_s = implement.states_minus_gnss_s
     begin_s = states.begin_s - ahead_s

@@ -247,7 +247,7 @@ def contradiction_notice(seen: Seen) -> Notice | None:
     if seen.lever_m is not None:
         x, y, z = seen.lever_m
         shown.append(f"scans agree better with the antenna at [{x:g}, {y:g}, {z:g}]")
-    return Notice("contradiction.contradiction-notice", shown="; ".join(shown), likely=_LIKELY[cause])
+    return Notice("contradiction.scans-and-positions", shown="; ".join(shown), likely=_LIKELY[cause])
 
 
 def _sway_in_words(sway: AntennaSway) -> str:

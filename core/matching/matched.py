@@ -428,7 +428,7 @@ def mounting_notices(found: MountingCalibration, facing: Facing, stated: Mountin
     if facing.offset_deg:
         notices.append(Notice("mounting-off", was=was, now=now))
     elif used is not stated:
-        notices.append(Notice("mounting-off.mounting-notices", was=was, now=now))
+        notices.append(Notice("mounting-off.level-ground", was=was, now=now))
     if not facing.shown:
         notices.append(FACING_ASSUMED)
     if height_is_off(found):

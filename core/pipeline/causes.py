@@ -71,7 +71,7 @@ _UNPLACED: Final = (
     *_IMPLEMENT_UNKNOWN,
 )
 _IMU_MISREAD: Final = (
-    "contradiction.unknown",
+    "contradiction.force-scatters",
     "imu-turned",
     "imu-noisier",
     "imu-shaken",
@@ -80,7 +80,7 @@ _IMU_MISREAD: Final = (
     "lever-arm-off",
 )
 _POSITIONS_ERR: Final = (
-    "contradiction.positions",
+    "contradiction.positions-err",
     "contradiction.scatter",
     "contradiction.creep",
     "contradiction.height-creep",
@@ -93,7 +93,7 @@ FOLLOWS: Final[Mapping[str, tuple[str, ...]]] = {
     "imu-gravity": _IMU_MISREAD,
     "imu-rate-unit": _IMU_MISREAD,
     "imu-axes": _IMU_MISREAD,
-    "imu-turned": ("contradiction.mounting", "contradiction.lever-arm", "contradiction.unknown", "boresight-off"),
+    "imu-turned": ("contradiction.turned-scanner", "contradiction.lever-arm", "contradiction.force-scatters", "boresight-off"),
     "imu-frozen": ("imu-pauses", "imu-not-aligned"),
     "imu-shaken": ("imu-noisier",),
     "geoid-separation": ("check-points-off", "epoch-and-geoid", "mounting-height"),
@@ -101,7 +101,7 @@ FOLLOWS: Final[Mapping[str, tuple[str, ...]]] = {
     "gnss-frozen": _POSITIONS_ERR,
     "gnss-steps": _POSITIONS_ERR,
     "gnss-heights": ("contradiction.height-creep", "check-points-off", "mounting-height"),
-    "contradiction.contradiction-notice": (
+    "contradiction.scans-and-positions": (
         "mounting-height",
         "lever-assumed",
         "facing-assumed",
@@ -109,10 +109,10 @@ FOLLOWS: Final[Mapping[str, tuple[str, ...]]] = {
         "gnss-outliers",
         *_IMPLEMENT_UNKNOWN,
     ),
-    "contradiction.mounting": ("boresight-off", "camera-mounting-off"),
-    "contradiction.ground": ("boresight-assumed",),
-    "contradiction.model": ("boresight-off", "boresight-assumed"),
-    "contradiction.clock": ("imu-clock-off", "scanner-clock-off", "camera-times-off"),
+    "contradiction.turned-scanner": ("boresight-off", "camera-mounting-off"),
+    "contradiction.scattered-ground": ("boresight-assumed",),
+    "contradiction.other-model": ("boresight-off", "boresight-assumed"),
+    "contradiction.positions-late": ("imu-clock-off", "scanner-clock-off", "camera-times-off"),
     "contradiction.lever-arm": ("lever-arm-off",),
     "contradiction.height-creep": ("check-points-off",),
     "mounting-height": ("implement-no-ground", "machine-not-known"),

@@ -201,7 +201,7 @@ def _calibrated(
     if found is not None and by_imu:
         found = replace(found, clock_used_s=found.clock_used_s - ahead_s)
     if found is not None and found.certain and ahead_s and abs(found.clock_used_s + ahead_s) < 0.5 * abs(ahead_s):
-        notice = Notice("contradiction.clock", off_s=abs(ahead_s), is_ahead_s=ahead_s < 0.0)
+        notice = Notice("contradiction.positions-late", off_s=abs(ahead_s), is_ahead_s=ahead_s < 0.0)
         doubtful = timed_wrongly(located.trajectory, ahead_s)
         located = replace(located, trajectory=doubtful, notices=(*located.notices, notice))
     strips = find_strips(located.trajectory)
@@ -231,7 +231,7 @@ def _adjusted_by_strips(guess: Located, adjusted: StripAdjustment) -> Located:
 def _boresight_notices(found: Boresight | None, stated: Mounting, located: Located) -> list[Notice]:
     """Notices about the mounting, of which none blames it for what another cause explains."""
     keys = {notice.key for notice in located.notices}
-    if "contradiction.model" in keys:
+    if "contradiction.other-model" in keys:
         return []
     notices = boresight_notices(found, stated)
     if "contradiction.lever-arm" in keys:

@@ -133,10 +133,10 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
         "end_s": iso_utc(end_s),
     }
     if scans.first_s <= end_s and scans.last_s >= begin_s:
-        return InputError("no-common-time.no-common-time", **spans)
+        return InputError("no-common-time.no-positions-within", **spans)
     likely = likely_offset(scans, ClockReading(Clock.GNSS, begin_s, end_s))
     offset_s, cause = likely if likely is not None else (0.0, None)
-    return InputError("no-common-time.apart", **spans, cause=cause, offset_s=stated_s + offset_s)
+    return InputError("no-common-time.no-overlap", **spans, cause=cause, offset_s=stated_s + offset_s)
 
 
 def session_notices(session: Session, located: Located, *, matched: bool) -> list[Notice]:

@@ -198,7 +198,7 @@ def camera_frames(opened: OpenSession, trajectory: Trajectory, guess: FirstGuess
     if camera is None or any(notice.code == CONTRADICTING for notice in guess.image_notices):
         return None, []
     if not camera.is_known:
-        return None, [Notice("images-unused.intrinsics")]
+        return None, [Notice("images-unused.no-intrinsics")]
     if find_spec("PIL") is None:
         return None, [Notice("images-unused")]
     notices: list[Notice] = []

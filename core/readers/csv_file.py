@@ -212,7 +212,7 @@ class CsvFile(Source):
                 tail = rest[max(0, end - MAX_TAIL_BYTES) : end]
                 rest = rest[end:]
             if len(rest) > LONGEST_LINE_BYTES:
-                raise InputError("not-a-table.line", path=self.path, most_mb=LONGEST_LINE_BYTES / 1e6)
+                raise InputError("not-a-table.endless-line", path=self.path, most_mb=LONGEST_LINE_BYTES / 1e6)
         if not rest.strip() or self.fault:
             return
         if is_whole(rest, tail.splitlines(), self._separator):

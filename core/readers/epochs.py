@@ -104,7 +104,7 @@ def in_order(
     if backward.any():
         widest_s = float(-np.diff(t_s).min(initial=0.0))
         notices.append(
-            Notice("time-runs-back.in-order", name=name, backward=int(backward.sum()), t_s=len(t_s), widest_s=widest_s)
+            Notice("time-runs-back.positions", name=name, backward=int(backward.sum()), t_s=len(t_s), widest_s=widest_s)
         )
     if repeated.any():
         notices.append(Notice("positions-repeated", name=name, repeated=int(repeated.sum())))

@@ -128,4 +128,4 @@ def _opened(path: ImageFile) -> Any:
 def expect_pillow() -> None:
     """Raise InputError where Pillow, which reads images, is not installed."""
     if find_spec("PIL") is None:
-        raise InputError("extra-missing.expect-pillow")
+        raise InputError("extra-missing.pillow")

@@ -37,7 +37,7 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     file = column_of(FILES, names, path)
     time = column_of(_TIMES, names, path)
     if file is None or time is None:
-        raise InputError("missing-column.images", path=path, names=", ".join(names)[:80])
+        raise InputError("missing-column.of-images", path=path, names=", ".join(names)[:80])
     kind = next(name for name in _TIMES if means(time, name))
     rows = [(line, row[file], row[time]) for line, row in cells if row.get(file) and row.get(time)]
     if len(rows) < len(cells):

@@ -142,7 +142,7 @@ class ImuCsv(FileReader):
                     what = "`imu.columns` states units and scales, and so do `imu.rate_unit` and the keys beside it"
                     raise _bad_columns(what, "Leave the latter out.")
                 schema, scale = _stated_schema(file.written, self.options.columns, path)
-            rows = file.rows(schema, "missing-column.imu", "value-out-of-range.imu")
+            rows = file.rows(schema, "missing-column.of-measurements", "value-out-of-range.imu-columns")
         if len(schema) > len(IMU_SCHEMA):
             return _tie_to_utc(rows[:, 0], rows[:, 7], str(path), self.notices), rows[:, 1:7]
         return utc_of(rows[:, 0], scale, str(path), self.options), rows[:, 1:]

@@ -123,10 +123,10 @@ def _gravity(track: InertialTrack, name: str) -> list[Notice]:
     found = {"name": name, "size": size, "gravity": STANDARD_GRAVITY_MPS2}
     units = _force_unit(track)
     if units is not None:
-        return [Notice("imu-gravity.unit", **found, read=units[0], unit=units[1])]
+        return [Notice("imu-gravity.other-unit", **found, read=units[0], unit=units[1])]
     if size < MAX_WITHOUT_GRAVITY_MPS2:
         return [Notice("imu-gravity.removed", **found)]
-    return [Notice("imu-gravity.scale", **found, share=share, mended=1.0 / share)]
+    return [Notice("imu-gravity.wrong-scale", **found, share=share, mended=1.0 / share)]
 
 
 def _rates(track: InertialTrack, name: str) -> list[Notice]:
@@ -288,7 +288,7 @@ def inertial_track(t_s: FloatArray, values: FloatArray, name: str, notices: list
 
     `values` (n, 6) are angular rate (rad/s) and specific force (m/s²). InputError if the times do not increase.
     """
-    forward = _forward(t_s, "time-disorder.inertial-track", name, notices)
+    forward = _forward(t_s, "time-disorder.measurements", name, notices)
     return InertialTrack(t_s[forward], values[forward, :3], values[forward, 3:], name)
 
 

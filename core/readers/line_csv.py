@@ -108,7 +108,7 @@ class LineCsv(FileReader):
     def _all_sweeps(self) -> Iterator[Scan]:
         for i, path in enumerate(self.paths):
             with CsvFile(path, self.notices) as file:
-                file.require(LINE_SCHEMA, "missing-column.line")
+                file.require(LINE_SCHEMA, "missing-column.of-line-scanner")
                 for scan in self._sweeps(file):
                     self.share_read = (i + file.share_read) / len(self.paths)
                     yield scan

@@ -25,9 +25,9 @@ def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
     missing, a field is no number, or the times do not increase.
     """
     with CsvFile(path, notices) as file:
-        rows = file.rows(MOUNT_SCHEMA, "missing-column.mount")
+        rows = file.rows(MOUNT_SCHEMA, "missing-column.of-mount")
     t_s = utc_of(rows[:, 0], file.time_scale, str(path), ReadOptions(near_s=near_s))
     if len(rows) < 2 or not bool(np.all(np.diff(t_s) > 0)):
-        raise InputError("time-disorder.read-mount", path=path, rows=len(rows))
+        raise InputError("time-disorder.mount-rows", path=path, rows=len(rows))
     turned = Rotation.from_euler("ZYX", rows[:, :0:-1], degrees=True)
     return MountMotion(t_s, turned.as_quat(scalar_first=True))

@@ -139,7 +139,7 @@ def _in_code_page(
     page = known_page(stated)
     found = decoded([cell.encode("latin-1") for cell in cells], page)
     if found is None:
-        return np.array(names, object), columns, [Notice("code-page.none", path=path.name)]
+        return np.array(names, object), columns, [Notice("code-page.unreadable", path=path.name)]
     renewed = iter(found.texts)
     fields = np.array([next(renewed) for _ in names], object)
     new = list(columns)
@@ -147,7 +147,7 @@ def _in_code_page(
         new[k] = np.array([next(renewed) if isinstance(cell, str) else cell for cell in columns[k]], object)
     if stated and found.page != page and found.example:
         return fields, new, [found.notice("code-page.wrong", path.name, stated=stated)]
-    return fields, new, [found.notice("code-page.layer", path.name)] if found.open else []
+    return fields, new, [found.notice("code-page.not-stated", path.name)] if found.open else []
 
 
 def _stated_code_page(named: Path) -> str:

@@ -526,7 +526,7 @@ class Capture:
             self._interfaces = 0
             size = self._number(self._data[self._pos + 4 : self._pos + 8])
             if not 28 <= size <= MAX_BLOCK or size % 4:
-                raise InputError("damaged-capture.control-block", path=self.path, size=size, at=self._at + self._pos)
+                raise InputError("damaged-capture.section-length", path=self.path, size=size, at=self._at + self._pos)
             while self._pos + size > len(self._data):
                 if not self._refill():
                     return False

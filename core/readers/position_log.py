@@ -329,4 +329,4 @@ def dated_positions(
 
 def no_valid_positions(name: str, count: int, frames: str) -> InputError:
     """The error of a log whose position messages are all without a valid position."""
-    return InputError("no-positions.no-valid-positions", name=name, count=count, frames=frames)
+    return InputError("no-positions.none-valid", name=name, count=count, frames=frames)

@@ -296,11 +296,11 @@ def _unknown(head: Head) -> InputError:
         return InputError("unknown-format.agopengps", head=head.path)
     if head.path.is_dir():
         return InputError(
-            "unknown-format.unknown", head=head.path, readers="; ".join(sorted(reader.title for reader in readers()))
+            "unknown-format.folder-content", head=head.path, readers="; ".join(sorted(reader.title for reader in readers()))
         )
     kind = file_kind(head.data)
     if kind is not None:
-        return InputError("unknown-format.named", head=head.path, name=kind.name, remedy=kind.remedy)
+        return InputError("unknown-format.known-kind", head=head.path, name=kind.name, remedy=kind.remedy)
     content = BINARY if binary_kind(head.data) is not None else "it looks like text"
     if head.compression:
         content = f"{head.compression}, content unpacked: {content}"

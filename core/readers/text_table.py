@@ -297,7 +297,7 @@ def _decoded(path: Path) -> tuple[list[str], list[Notice]]:
 def _sheet_rows(path: Path) -> list[list[str]]:
     """The first sheet, read in a process that may die of it: a library panics on damage, or takes all memory."""
     if find_spec("python_calamine") is None:
-        raise InputError("extra-missing.rows", path=path)
+        raise InputError("extra-missing.spreadsheets", path=path)
     process = Decoder()
     try:
         return process.sheet(path, _MOST_SHEET_TEXT)

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
 
 from furrowmap.core.runtime.languages.catalogue import ENGLISH, translated
-from furrowmap.core.runtime.languages.messages import ERROR_PARTS, Value, fill, printed, sentences
+from furrowmap.core.runtime.languages.messages import ERROR_PARTS, Value, fill, plain_values, printed, sentences
 
 CONTRADICTION: Final = "contradiction"
 """Code of the notice that stands before all others."""
 SETTING_REMEDIES: Final = {
     "imu-no-overlap": ("imu", "minus_gnss_s", "offset_s", "cause"),
     "imu-turned": ("imu", "rpy_deg", "right", "right"),
-    "imu-turned.forward": ("imu", "rpy_deg", "right", "right"),
-    "imu-turned.upright": ("imu", "rpy_deg", "right", "right"),
-    "no-common-time.apart": ("recording", "lidar_minus_gnss_s", "offset_s", "cause"),
+    "imu-turned.likely-forward": ("imu", "rpy_deg", "right", "right"),
+    "imu-turned.likely-upright": ("imu", "rpy_deg", "right", "right"),
+    "no-common-time.no-overlap": ("recording", "lidar_minus_gnss_s", "offset_s", "cause"),
     "no-common-time.expect-common-time": ("implement", "states_minus_gnss_s", "ahead_s", "likely"),
 }
 """Messages whose remedy is one line of the session file: its table and key, the name of its value, and that of the
@@ -38,7 +38,7 @@ class FurrowmapError(Exception):
 
     def __init__(self, key: str, /, **values: object) -> None:
         self.key = key
-        self.values = printed(key, values)
+        self.values = plain_values(key, values)
         super().__init__(key, self.values)
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -65,7 +65,7 @@ class FurrowmapError(Exception):
         table, name, value, reason = SETTING_REMEDIES.get(self.key, ("", "", "", ""))
         if not self.values.get(reason):
             return None
-        return {"table": table, "key": name, "value": json.loads(str(self.values[value]))}
+        return {"table": table, "key": name, "value": json.loads(str(printed(self.key, self.values)[value]))}
 
     @property
     def what(self) -> str:
@@ -87,7 +87,7 @@ class FurrowmapError(Exception):
 
 
 def _restored_error(kind: type[FurrowmapError], key: str, values: dict[str, Value]) -> FurrowmapError:
-    """An error of another process: its values are printed already."""
+    """An error of another process, whose catalogue may have had keys of other packages."""
     error = kind.__new__(kind, key, values)
     error.key = key
     error.values = values
@@ -131,22 +131,22 @@ class Notice:
 
     def __init__(self, key: str, /, **values: object) -> None:
         object.__setattr__(self, "key", key)
-        object.__setattr__(self, "values", tuple(printed(key, values).items()))
+        object.__setattr__(self, "values", tuple(plain_values(key, values).items()))
 
     def about(self, subject: str) -> "Notice":
         """The notice with a subject before its text, such as one of several tools."""
-        notice = Notice.from_printed(self.key, dict(self.values))
+        notice = Notice.from_values(self.key, dict(self.values))
         object.__setattr__(notice, "subject", subject)
         return notice
 
     @classmethod
     def from_error(cls, error: FurrowmapError) -> Self:
         """A notice with the complete text of an error that does not stop the work."""
-        return cls.from_printed(error.key, error.values)
+        return cls.from_values(error.key, error.values)
 
     @classmethod
-    def from_printed(cls, key: str, values: Mapping[str, Value]) -> Self:
-        """A notice with values that are printed already, such as those of another one."""
+    def from_values(cls, key: str, values: Mapping[str, Value]) -> Self:
+        """A notice with the values of another one."""
         notice = cls.__new__(cls)
         object.__setattr__(notice, "key", key)
         object.__setattr__(notice, "values", tuple(values.items()))
@@ -175,7 +175,7 @@ class Notice:
 def _sentence(language: str, key: str, part: str, values: Mapping[str, Value]) -> str:
     """A part of a message in a language; texts in its values are translated too."""
     code = key.partition(".")[0]
-    return printable(fill(sentences(language, key)[part], values, lambda value: translated(value, language, code)))
+    return printable(fill(sentences(language, key)[part], printed(key, values), lambda value: translated(value, language, code)))
 
 
 def printable(text: str) -> str:

@@ -50,7 +50,7 @@ def expect_rows(what: str | Path, packed_bytes: int, row_bytes: int) -> None:
     if worked_bytes > FREE_BYTES + MAX_GROWTH * packed_bytes and not allows("large"):
         needed = size_text(worked_bytes)
         raise RefusedError(
-            "too-large.rows", what=what, packed=size_text(packed_bytes), needed=needed, growth=MAX_GROWTH
+            "too-large.row-count", what=what, packed=size_text(packed_bytes), needed=needed, growth=MAX_GROWTH
         )
 
 
@@ -68,7 +68,7 @@ def expect_disk(what: str | Path, folder: Path, needed_bytes: int) -> None:
         free = shutil.disk_usage(folder).free
         if needed_bytes > free // 2 and not allows("large"):
             raise RefusedError(
-                "too-large.disk", what=what, needed=size_text(needed_bytes), folder=folder, free=size_text(free)
+                "too-large.free-disk", what=what, needed=size_text(needed_bytes), folder=folder, free=size_text(free)
             )
 
 

@@ -94,7 +94,7 @@ def threads() -> int:
     if not stated:
         return min(available_processors(), MAX_DEFAULT_THREADS)
     if not stated.isdecimal() or int(stated) < 1:
-        raise UsageError("usage.threads", stated=stated)
+        raise UsageError("usage.thread-count", stated=stated)
     return int(stated)
 
 
@@ -113,7 +113,7 @@ def allows(what: Allowance) -> bool:
     """
     stated = {word.strip() for word in os.environ.get(ALLOW_VARIABLE, "").split(",")} - {""}
     if not stated <= set(ALLOWANCES):
-        raise UsageError("usage.allows", environ=os.environ[ALLOW_VARIABLE], all=" or ".join(ALLOWANCES))
+        raise UsageError("usage.allow-variable", environ=os.environ[ALLOW_VARIABLE], all=" or ".join(ALLOWANCES))
     return what in stated | settings().allowed
 
 
@@ -124,5 +124,5 @@ def language_of_user(stated: str | None = None) -> str:
     """
     language = settings().language or stated or os.environ.get(LANGUAGE_VARIABLE) or ENGLISH
     if language not in LANGUAGES:
-        raise UsageError("usage.language-of-user", language=language, languages=", ".join(LANGUAGES))
+        raise UsageError("usage.language-variable", language=language, languages=", ".join(LANGUAGES))
     return language

@@ -86,7 +86,7 @@ def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]
             raise _outside(session_file, named) from None
         except TooManyEntries:
             raise InputError(
-                "session-path-outside.entries", session_file=session_file, named=named, most=MAX_ENTRIES
+                "session-path-outside.too-many-files", session_file=session_file, named=named, most=MAX_ENTRIES
             ) from None
         except (OSError, ValueError):
             paths = []
@@ -117,8 +117,8 @@ def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -
 
 
 def _missing(named: str) -> Notice:
-    return Notice("images-missing.missing", named=named)
+    return Notice("images-missing.named-file", named=named)
 
 
 def _outside(session_file: Path, named: str) -> InputError:
-    return InputError("session-path-outside.outside", session_file=session_file, named=named)
+    return InputError("session-path-outside.of-a-file", session_file=session_file, named=named)

@@ -163,7 +163,7 @@ def read_session_text(path: Path) -> str:
             head = file.read(TEXT_HEAD_BYTES)
             content = head if binary_kind(head) else head + file.read()
     except IsADirectoryError:
-        raise InputError("session-unreadable.load-session", path=path, path_scaled=path / "session.toml") from None
+        raise InputError("session-unreadable.is-folder", path=path, path_scaled=path / "session.toml") from None
     except OSError as error:
         raise InputError("session-unreadable", path=path, why=error.strerror or error) from None
     return session_text(content, path)

@@ -253,7 +253,7 @@ class OpenSession:
         if camera.has_intrinsics:
             return camera_of(camera)
         if camera.topic is None:
-            raise InputError("no-camera.intrinsics", file=self.file)
+            raise InputError("no-camera.no-intrinsics", file=self.file)
         return mounted(self._image_reader().camera(), camera)
 
     @cached_property
@@ -325,9 +325,9 @@ def resolve(session_file: Path, named: str) -> Path:
         is_file = path.is_file()
         is_folder = path.is_dir()
     except (OSError, ValueError) as error:
-        raise InputError("session-file-missing.resolve", session_file=session_file, named=named, error=error) from None
+        raise InputError("session-file-missing.invalid-name", session_file=session_file, named=named, error=error) from None
     if is_outside:
-        raise InputError("session-path-outside.resolve", session_file=session_file, named=named)
+        raise InputError("session-path-outside.by-name", session_file=session_file, named=named)
     if not is_file and not is_whole:
         raise InputError("session-file-missing", session_file=session_file, named=named, is_folder=bool(is_folder))
     return path

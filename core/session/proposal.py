@@ -151,14 +151,14 @@ def places_missing(
     A vehicle that flies has no implement, and its antenna is the origin.
     """
     mounted = machine.lidar is not None and None not in (machine.lidar.xyz_m, machine.lidar.rpy_deg)
-    place = ".place" if flight is not None else ""
+    place = ".place-assumed" if flight is not None else ""
     found = []
     if (scans or not states) and not mounted:
         found.append(Notice(f"no-mounting{place}"))
     if not poses and machine.antenna is None and not flies:
-        found.append(Notice("no-antenna.missing"))
+        found.append(Notice("no-antenna.to-fill-in"))
     if machine.implement is None and not flies:
-        found.append(Notice("no-implement.place" if states else "no-implement.missing"))
+        found.append(Notice("no-implement.place-assumed" if states else "no-implement.to-fill-in"))
     return [*found, Notice(f"no-imu-mounting{place}")] if inertial and machine.imu is None else found
 
 
@@ -284,7 +284,7 @@ def propose_session(
     missing = [
         *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s <= 0),
         *(Notice("no-place", fault=b.fault) for b in beginnings if b.fault),
-        *(Notice("recording-unused.unused", r=r.path.name, title=r.inspection.title) for r in unused),
+        *(Notice("recording-unused.no-use-in-sessions", r=r.path.name, title=r.inspection.title) for r in unused),
         *(Notice("recording-unused.same-time", r=r.path.name, other=gnss[0].path.name) for r in repeated),
         *(Notice(f"{code}.missing", unknown=FILL_IN) for code, absent in lacking.items() if absent),
         *(notice for notice in told if notice.code in _OF_SCANNERS),
@@ -662,7 +662,7 @@ def _inside(paths: Sequence[Path], folder: Path) -> list[str]:
     names = []
     for path in map(resolved, paths):
         if not path.is_relative_to(resolved(folder)):
-            raise InputError("session-path-outside.paths", path=path, folder=folder)
+            raise InputError("session-path-outside.absolute-file", path=path, folder=folder)
         names.append(path.relative_to(resolved(folder)).as_posix())
     return names
 

@@ -169,7 +169,7 @@ def find_site(scenario: Scenario) -> SimulatedSite:
         e, n = to_map.transform(*place.lon_lat_deg, errcheck=True)
     except (CRSError, ProjError) as error:
         raise InputError(
-            "scenario-crs.find-site", crs=place.crs, lon_lat_deg=list(place.lon_lat_deg), error=error
+            "scenario-crs.unusable-there", crs=place.crs, lon_lat_deg=list(place.lon_lat_deg), error=error
         ) from error
     if not crs.is_projected:
         raise InputError("scenario-crs", crs=place.crs)

@@ -373,13 +373,13 @@ def held_against_mounting(
     """
     if not found.certain:
         apart = found.lies_apart
-        return trajectory, Notice("contradiction.ground", scatter_m=found.scatter_m[1]) if apart else None
+        return trajectory, Notice("contradiction.scattered-ground", scatter_m=found.scatter_m[1]) if apart else None
     if min(found.turned_deg, camera_deg) < MAX_DRAWN_DEG:
         return trajectory, None
     sigma = trajectory.sigma.copy()
     sigma[:, 3:] = np.hypot(sigma[:, 3:], np.abs(found.correction_deg))
     angles = ", ".join(f"{angle:.1f}" for angle in found.correction_deg)
-    notice = Notice("contradiction.mounting", turned_deg=found.turned_deg, angles=angles)
+    notice = Notice("contradiction.turned-scanner", turned_deg=found.turned_deg, angles=angles)
     return replace(trajectory, sigma=sigma), notice
 
 

@@ -43,7 +43,7 @@ class LikelierModel:
         """The contradiction that it is."""
         before_m, after_m = self.scatter_m
         return Notice(
-            "contradiction.model", name=self.name, read_as=self.read_as, before_m=1e3 * before_m, after_m=1e3 * after_m
+            "contradiction.other-model", name=self.name, read_as=self.read_as, before_m=1e3 * before_m, after_m=1e3 * after_m
         )
 
 

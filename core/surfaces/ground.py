@@ -196,7 +196,7 @@ def _opened(surface_m: FloatArray, reach: int) -> FloatArray:
 def require_cloth() -> None:
     """Raises InputError if the library is not installed."""
     if find_spec("CSF") is None:
-        raise InputError("extra-missing.require-cloth")
+        raise InputError("extra-missing.cloth-filter")
 
 
 def cloth_ground(xyz_m: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -87,7 +87,7 @@ def trajectory_from_course(
 def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:
     if used.sum() < MIN_COURSE_POSITIONS:
         raise InputError(
-            "gnss-no-positions.expect-some", source=track.source or "The log", used=int(used.sum()), track=len(track)
+            "gnss-no-positions.few-usable", source=track.source or "The log", used=int(used.sum()), track=len(track)
         )
 
 

@@ -133,13 +133,13 @@ class Explained:
             off_m = float(np.linalg.norm(self.lever_off_m))
             return Notice("contradiction.lever-arm", off_m=off_m, place=place, margins=margins)
         if self.cause == "positions":
-            return Notice("contradiction.positions", times=self.times)
+            return Notice("contradiction.positions-err", times=self.times)
         if self.cause == "noise":
             links = self.adjusted.problem.links
             force = links.noise.force * max(links.force_times)
             unseen = force > MAX_NOISE_FACTOR * densities(measured)[1] and self.times > MAX_NOISE_FACTOR
             if unseen:
-                return Notice("contradiction.unknown", times=self.times, is_imu=self.is_certain)
+                return Notice("contradiction.force-scatters", times=self.times, is_imu=self.is_certain)
             return Notice("imu-noisier", times=self.times)
         if self.cause == "scatter":
             alone = scatter_by_themselves(self.adjusted)
@@ -428,7 +428,7 @@ def trajectory_from_inertial(
         )
     if imu.clock_rate:
         notices.append(
-            Notice("imu-clock-off.runs", source=source, is_fast=imu.clock_rate > 0.0, by_ms=abs(1e3 * imu.clock_rate))
+            Notice("imu-clock-off.rate-off", source=source, is_fast=imu.clock_rate > 0.0, by_ms=abs(1e3 * imu.clock_rate))
         )
     if imu.gyro_scale:
         notices.append(Notice("imu-scale-off", source=source, times=1.0 / (1.0 - imu.gyro_scale)))

@@ -68,7 +68,7 @@ def held_against_motion(track: GnssTrack, en_m: FloatArray, notices: list[Notice
     if step_m > ROUNDED_M:
         rounded_m = np.hypot(sigma_m, ROUNDED_SIGMA * step_m)
         if ROUNDED_SIGMA * step_m > np.median(sigma_m):
-            notices.append(Notice("gnss-heights.rounded", source=_source(track), step_m=step_m))
+            notices.append(Notice("gnss-heights.rounded-values", source=_source(track), step_m=step_m))
         return replace(track, sigma_h_m=rounded_m)
     held = held_heights(track.height_m, en_m)
     if not held.any():
@@ -80,7 +80,7 @@ def held_against_motion(track: GnssTrack, en_m: FloatArray, notices: list[Notice
         sigma_m[first:end] = np.hypot(sigma_m[first:end], least_m)
     notices.append(
         Notice(
-            "gnss-heights.held",
+            "gnss-heights.held-values",
             source=_source(track),
             held=int(held.sum()),
             count=len(track),

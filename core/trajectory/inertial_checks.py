@@ -94,7 +94,7 @@ def turned_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on
         return None
     mended = Mounting.from_rotation(mounting.xyz_m, nearest.as_matrix() @ mounting.rotation)
     if nearest.as_matrix()[2, 2] < 0.5:
-        raise InputError("imu-turned.forward", name=name, right=_words(mended))
+        raise InputError("imu-turned.likely-forward", name=name, right=_words(mended))
     if not on_wheels and not _follows_course(along[:, :2], turned[moving, :2, 0], weight):
         return None
     yaw_deg = float(np.degrees(np.arctan2(*nearest.as_matrix()[[1, 0], 0])))
@@ -125,7 +125,7 @@ def _expect_upright(turned: FloatArray, mounting: Mounting, name: str) -> None:
     across = np.cross(from_up, to_up)
     turn = Rotation.from_rotvec(across * 0.5 * np.pi if axis != 2 else [np.pi, 0.0, 0.0])
     right = Mounting.from_rotation(mounting.xyz_m, turn.as_matrix() @ mounting.rotation)
-    raise InputError("imu-turned.upright", name=name, right=_words(right))
+    raise InputError("imu-turned.likely-upright", name=name, right=_words(right))
 
 
 def _words(mounting: Mounting) -> str:

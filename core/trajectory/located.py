@@ -342,7 +342,7 @@ def _antennas_log(session: Session, frame: MapFrame, track: GnssTrack) -> Record
     """The directions of the baseline between two antennas that the log of positions holds, from grid north."""
     known = np.isfinite(track.heading_deg)
     if known.sum() < 2:
-        raise InputError("heading-missing.antennas-log")
+        raise InputError("heading-missing.two-antennas")
     convergence = frame.convergence_deg(track.lon_deg[known], track.lat_deg[known])
     yaw = np.radians(90.0 - (track.heading_deg[known] - convergence))
     antenna = session.antenna or Antenna(xyz_m=ORIGIN)
@@ -416,7 +416,7 @@ def _aided(
     try:
         by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, by_noise_alone=True)
     except RefusedError as refused:
-        notices.append(Notice("imu-not-aligned.aided", what=refused.what))
+        notices.append(Notice("imu-not-aligned.gyroscopes-used", what=refused.what))
     else:
         figures = by_imu.figures
         notices += [notice for notice in by_imu.notices if notice not in notices]

@@ -75,7 +75,7 @@ def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple
     poses = trajectory.at(times) if len(times) else None
     known = np.isfinite(poses.quaternion[:, 0]) if poses is not None else np.zeros(0, bool)
     if poses is None or known.sum() < 2:
-        raise InputError("no-common-time.mount-trajectory")
+        raise InputError("no-common-time.of-mount")
     times = times[known]
     vehicle = Rotation.from_quat(poses.quaternion[known], scalar_first=True)
     turned = Slerp(motion.t_s, Rotation.from_quat(motion.quaternion, scalar_first=True))(times)

@@ -147,7 +147,7 @@ def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:
     known = {fix.label: fix for fix in Fix if fix is not Fix.NONE}
     for label in labels:
         if label not in known:
-            raise InputError("session-value.fixes-from-labels", label=label, known=", ".join(known))
+            raise InputError("session-value.fix-label", label=label, known=", ".join(known))
     return tuple(known[label] for label in labels)
 
 
@@ -190,7 +190,7 @@ def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
     if step_s > MAX_POSITION_STEP_S:
         raise RefusedError("gnss-rate", source=track.source or "The GNSS log", step_s=step_s)
     if step_s > RATE_REPORTED_S:
-        notices.append(Notice("gnss-rate.judge-rate", step_s=step_s))
+        notices.append(Notice("gnss-rate.slow", step_s=step_s))
 
 
 def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> FloatArray:

@@ -134,7 +134,7 @@ def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path
     names = [item["id"] for item in items]
     for name in names:
         if names.count(name) > 1:
-            raise InputError("session-twice.write-collection", name=name)
+            raise InputError("session-twice.in-collection", name=name)
     name, files = target.name or "furrowmap", [CATALOGUE, COLLECTION, *(f"{name}.json" for name in names)]
     description = "Georeferenced clouds and worked ground, a session each, made by furrowmap."
     about = {"id": name, "title": name, "description": description, "furrowmap:products": files}

@@ -298,7 +298,7 @@ def _write_geoparquet(path: Path, layer: VectorLayer) -> None:
             path, index=False, compression="zstd", schema_version="1.1.0", write_covering_bbox=True
         )
     except ImportError:
-        raise FurrowmapError("extra-missing.write-geoparquet") from None
+        raise FurrowmapError("extra-missing.geoparquet") from None
 
 
 def _write_through_memory(path: Path, layer: VectorLayer, driver: str, **options: Any) -> None:

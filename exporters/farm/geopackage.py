@@ -132,7 +132,7 @@ def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -
     deadline = time.monotonic() + patience_s
     while (descriptor := _try(lock)) is None:
         if time.monotonic() > deadline:
-            raise RefusedError("base-busy.exclusive", path=path, patience_s=patience_s)
+            raise RefusedError("base-busy.locked-by-another", path=path, patience_s=patience_s)
         progress("waiting for another process", 0.0)
         time.sleep(_STEP_S)
     try:
@@ -181,7 +181,7 @@ def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = si
     refuse_dangling(path)
     path = resolved(path)
     if not path.parent.is_dir():
-        raise InputError("base-unreachable.geopackage-edit", parent=path.parent)
+        raise InputError("base-unreachable.no-folder", parent=path.parent)
     with exclusive(path, progress):
         if path.exists():
             check_farm_map(path)

@@ -90,7 +90,7 @@ def write_mosaic(
     """
     surfaces = [surface_file(path) for path in paths]
     if resolved(output) in {surface.path for surface in surfaces}:
-        raise RefusedError("output-is-input.write-mosaic", output=output)
+        raise RefusedError("output-is-input.part-of-mosaic", output=output)
     target = common_crs(surfaces, optional_crs(crs))
     cell_m = cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)

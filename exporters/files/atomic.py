@@ -110,7 +110,7 @@ def refuse_existing(path: Path, *, overwrite: bool) -> None:
     if not path.is_dir():  # which may be that of an output of several files
         refuse_special(path)
     if os.path.lexists(path) and not overwrite:
-        raise RefusedError("output-exists.refuse-existing", path=path)
+        raise RefusedError("output-exists.existing-file", path=path)
 
 
 def move(source: Path, target: Path) -> None:

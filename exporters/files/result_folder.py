@@ -266,4 +266,4 @@ def reading_result(folder: Path) -> Iterator[None]:
 
 def unreadable(path: Path, error: Exception) -> InputError:
     """The error for a missing or damaged file of a result."""
-    return InputError("result-unreadable.unreadable", path=path, name=type(error).__name__, error=error)
+    return InputError("result-unreadable.damaged-file", path=path, name=type(error).__name__, error=error)

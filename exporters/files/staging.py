@@ -34,7 +34,7 @@ def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -
     """
     there = [name for name in products if os.path.lexists(folder / name)]
     if there and not overwrite:
-        raise RefusedError("output-exists.refuse-products", folder=folder, there=", ".join(there))
+        raise RefusedError("output-exists.earlier-products", folder=folder, there=", ".join(there))
     for name in there:
         _refuse_taken(folder / name)
     refuse_open(folder / name for name in there)
@@ -154,7 +154,7 @@ def _product_of(error: BaseException, staging: Path) -> Path:
 
 def _refuse_taken(place: Path) -> None:
     if place.is_dir():
-        raise InputError("output-is-folder.refuse-taken", place=place)
+        raise InputError("output-is-folder.in-the-place", place=place)
     refuse_special(place)
 
 

@@ -108,7 +108,7 @@ def geodataframe(layer: VectorLayer) -> geopandas.GeoDataFrame:
     try:
         import geopandas
     except ImportError:
-        raise InputError("extra-missing.tables", package="geopandas") from None
+        raise InputError("extra-missing.table-packages", package="geopandas") from None
     table = geopandas.GeoDataFrame(layer.columns, geometry=_in_one_world(layer), crs=layer.crs)
     times: dict[str, Any] = {
         name: table[name].dt.tz_localize("UTC") for name, v in layer.columns.items() if v.dtype == "datetime64[ms]"

@@ -87,4 +87,4 @@ def _pictures(
 
 
 def _unusable(path: Path, fault: str) -> InputError:
-    return InputError("not-a-surface.unusable", path=path, fault=fault)
+    return InputError("not-a-surface.for-this-work", path=path, fault=fault)

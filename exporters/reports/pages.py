@@ -89,7 +89,7 @@ def write_pdf(path: Path, page: str) -> None:
         except OSError as error:
             failure = error.strerror or type(error).__name__
         if failure:
-            raise RefusedError("browser-missing.write-pdf", program=program, failure=failure)
+            raise RefusedError("browser-missing.page-not-printed", program=program, failure=failure)
         shutil.copyfile(printed, unfinished)
 
 

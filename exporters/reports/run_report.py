@@ -123,8 +123,8 @@ def _strip(ground: StripGround) -> dict[str, Any]:
 
 
 FLIGHT_CAUSES: Final = {
-    "contradiction.contradiction-notice": "mounting",
-    "contradiction.ground": "unknown",
+    "contradiction.scans-and-positions": "mounting",
+    "contradiction.scattered-ground": "unknown",
     "contradiction.height-creep": "creep",
     "contradiction.scatter": "positions",
     "imu-turned": "mounting",

@@ -130,7 +130,7 @@ def calibrate_mount(
     looked_at, count = _frames(source, begin, every, notices)
     times_s, corners, size = _corners(looked_at, count, board, progress)
     if size is None:
-        raise InputError("no-images.corners", paths=source, images=len(times_s))
+        raise InputError("no-images.none-readable", paths=source, images=len(times_s))
     found = board_poses(corners, board, size, stated)
     turned = mount_attitude(found.rotation, Mounting(rpy_deg=board_rpy_deg).rotation, board_on)
     t_s = times_s[found.frame] + found.camera.shutter_delay_s

@@ -79,7 +79,7 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     """The frames of the session's camera."""
     camera = opened.session.camera
     if camera is None:
-        raise InputError("no-camera.frames", file=opened.file)
+        raise InputError("no-camera.no-table", file=opened.file)
     expect_pillow()
     images = opened.images(notices)
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
@@ -92,7 +92,7 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     frames = frames_along(images, used, located.trajectory, scale, notices) if len(images) else None
     if frames is None:
         raise InputError(
-            "no-images.frames",
+            "no-images.none-with-pose",
             file=opened.file,
             images=len(images),
             notices="".join(f" {notice.text}" for notice in notices),

@@ -93,7 +93,7 @@ def surface(
 def ground_method(stated: GroundMethod | Literal["auto"], spooled: SpooledClouds) -> GroundMethod:
     """The ground filter to use; InputError if by the files' classes, and they have none."""
     if stated == "class" and not spooled.ground_count:
-        raise InputError("no-ground-class.ground-method")
+        raise InputError("no-ground-class.by-class")
     if stated == "auto":
         return "class" if spooled.classified else "smrf"
     return stated

@@ -126,7 +126,7 @@ def _days(texts: Sequence[str], tables: int) -> list[dt.date | None]:
     if texts and len(texts) != tables:
         raise UsageError("response-days", tables=tables, texts=len(texts))
     if tables > 1 and len(set(texts)) != tables:
-        raise UsageError("response-days.days", tables=tables)
+        raise UsageError("response-days.one-a-table", tables=tables)
     return [day_of(text) for text in texts] or [None] * tables
 
 

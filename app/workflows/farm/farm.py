@@ -229,7 +229,7 @@ def _month_day(text: str) -> tuple[int, int]:
     try:
         day = dt.date.fromisoformat(f"2024-{text}")
     except ValueError:
-        raise UsageError("usage.month-day", text=text) from None
+        raise UsageError("usage.day-of-year", text=text) from None
     return day.month, day.day
 
 

@@ -118,7 +118,7 @@ def field_history(
     target = Path(out) if out is not None else None
     if target is not None:
         if target.suffix not in (".html", ".csv"):
-            raise UsageError("usage.field-history", target=target)
+            raise UsageError("usage.history-format", target=target)
         refuse_existing(target, overwrite=overwrite)
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
         fields = edit.read(FIELDS_LAYER, FIELD_COLUMNS)

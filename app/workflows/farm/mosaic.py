@@ -46,7 +46,7 @@ def mosaic(
     """
     output = Path(out)
     if output.suffix not in SUFFIXES:
-        raise UsageError("usage.mosaic", output=output)
+        raise UsageError("usage.mosaic-format", output=output)
     refuse_existing(output, overwrite=overwrite)
     paths, missing = find_surfaces(sources, product, schema=schema, progress=progress)
     made = write_mosaic(paths, output, crs=settings.crs, cell_m=settings.cell_m, mean=settings.mean, progress=progress)
@@ -58,7 +58,7 @@ def find_surfaces(
 ) -> tuple[list[Path], tuple[Notice, ...]]:
     """The files of a product in order of their sessions' times, and a notice on missing ones."""
     if not _PRODUCT.fullmatch(product):
-        raise UsageError("usage.find-surfaces", product=product)
+        raise UsageError("usage.product-name", product=product)
     folders: dict[Path, dt.datetime] = {}
     foreign: list[KnownSession] = []
     for source in sources:

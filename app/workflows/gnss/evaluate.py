@@ -79,5 +79,5 @@ def evaluation_table(evaluations: Mapping[str, Evaluation]) -> pd.DataFrame:
     try:
         import pandas as pd
     except ImportError:
-        raise InputError("extra-missing.tables", package="pandas") from None
+        raise InputError("extra-missing.table-packages", package="pandas") from None
     return pd.DataFrame(list(table_rows(evaluations)))

@@ -77,9 +77,9 @@ def solve_gnss(
         if line[60:].startswith("CRINEX VERS"):
             raise InputError("not-rinex.hatanaka", path=path, name=path.name, program=PROGRAM, wanted=wanted)
         if not line[60:].startswith("RINEX VERSION"):
-            raise InputError("not-rinex.other", path=path, program=PROGRAM, wanted=wanted)
+            raise InputError("not-rinex.other-format", path=path, program=PROGRAM, wanted=wanted)
         if line[20:21].upper() not in kind:
-            raise InputError("not-rinex.order", path=path, program=PROGRAM, wanted=wanted)
+            raise InputError("not-rinex.other-content", path=path, program=PROGRAM, wanted=wanted)
     target = Path(out) if out is not None else rover.with_suffix(".pos")
     refuse_existing(target, overwrite=overwrite)
     place, notices = _base_position(base, settings)
@@ -113,7 +113,7 @@ def _base_position(base: Path, settings: SolveSettings) -> tuple[list[str], tupl
     except ValueError:
         xyz = [0.0]
     if sum(value**2 for value in xyz) < MIN_RADIUS_M**2:
-        return [], (Notice("base-position-assumed.base-position", base=base.name),)
+        return [], (Notice("base-position-assumed.mean-of-singles", base=base.name),)
     return ["-r", *(f"{value:.4f}" for value in xyz)], (Notice("base-position-assumed", base=base.name),)
 
 

@@ -208,7 +208,7 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         same = False
     if not same:
-        raise RefusedError("output-exists.refuse-foreign", folder=folder, there=", ".join(there))
+        raise RefusedError("output-exists.other-recording", folder=folder, there=", ".join(there))
     return inputs
 
 

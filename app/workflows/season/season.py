@@ -316,7 +316,7 @@ def season(
 def _content(settings: SeasonSettings) -> tuple[str, ...]:
     unknown = [name for name in settings.content if name not in CONTENTS]
     if unknown:
-        raise UsageError("usage.content", unknown=unknown[0], contents=", ".join(CONTENTS))
+        raise UsageError("usage.season-content", unknown=unknown[0], contents=", ".join(CONTENTS))
     content = tuple(settings.content) or CONTENTS
     if content != (MOSAICS,) and find_spec("pyarrow") is None:
         raise RefusedError("extra-missing")

@@ -29,7 +29,7 @@ def simulate(
     folder = Path(out)
     recover(folder)
     if not overwrite and folder.is_dir() and any(folder.iterdir()):
-        raise RefusedError("exists.simulate", folder=folder)
+        raise RefusedError("exists.folder-not-empty", folder=folder)
     described = demo_scenario(str(scenario)) if str(scenario) in PACKAGED else load_scenario(Path(scenario))
     with staged_folder(folder) as staging:
         made = simulator.simulate(described, staging, progress)

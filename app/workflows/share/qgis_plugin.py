@@ -71,7 +71,7 @@ def install_plugin(plugins: Path) -> Path:
     """Install the bundled plugin in a plugins folder, replacing an earlier version; the folder of the plugin."""
     target = plugins / PLUGIN
     if target.is_symlink() or (target.exists() and _ini_value(target / "metadata.txt", "general", "name") != PLUGIN):
-        raise RefusedError("exists.install-plugin", target=target)
+        raise RefusedError("exists.foreign-plugin", target=target)
     unfinished, old = (plugins / f".{PLUGIN}.{suffix}" for suffix in ("new", "old"))
     with made_folder(plugins), writing(target):
         try:

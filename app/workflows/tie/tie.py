@@ -124,7 +124,7 @@ def tie(
     """
     folder = Path(out)
     if len(results) < (2 if settings.reference is None else 1):
-        raise UsageError("usage.tie", results=len(results))
+        raise UsageError("usage.one-result", results=len(results))
     refuse_occupied(folder, (TIE, TIE_REPORT, TIE_PAGE), "surfaces", overwrite=overwrite)
     dates = sorted((dated_surface(open_result(Path(each))) for each in results), key=lambda date: date.start)
     _expect_alike(dates)
@@ -481,7 +481,7 @@ def open_reference(
     first = dates[0].after
     heights = {heights_of(surface.crs) for surface in (file, first)}
     if not same_map(file.crs, first.crs) or len(heights - {""}) > 1:
-        raise RefusedError("tie-crs.open-reference", path=path, first=first.path)
+        raise RefusedError("tie-crs.of-reference", path=path, first=first.path)
     grid = Grid.of_bounds(first.cell_m, bounds_m)
     surface = stack.enter_context(resample_surface(file, grid))
     sigma = np.full(6, _SURE)

@@ -62,7 +62,7 @@ class TaskFiles:
         try:
             return reader()
         except Exception as error:  # noqa: BLE001 damage ends in errors of many families
-            raise InputError("task-data-unreadable.read", name=self.named(name), error=error) from None
+            raise InputError("task-data-unreadable.unreadable-file", name=self.named(name), error=error) from None
 
 
 def open_task_sets(path: Path) -> tuple[TaskFiles, ...]:

@@ -228,7 +228,7 @@ def _read_sets(path: Path) -> tuple[list[tuple[TaskFiles, TaskData]], list[Notic
         found.append((files, content))
         notices += content.notices
     if not found:
-        raise InputError("task-data-missing.readable", path=path, sets=len(sets))
+        raise InputError("task-data-missing.none-readable", path=path, sets=len(sets))
     return found, notices
 
 
@@ -283,7 +283,7 @@ def _read_task(
             states, sections=_section_intervals(t_s, np.concatenate(sections.states)[record], sections, *links)
         )
     if not len(track):
-        notices.append(Notice("no-positions.logged", id=files.named(task.id)))
+        notices.append(Notice("no-positions.of-task", id=files.named(task.id)))
     return LoggedTask(
         id=files.id_of(task.id),
         name=task.name,
@@ -560,7 +560,7 @@ class TaskDataLog(FileReader):
             self.notices += _notices(content, tasks)
             found += [task for task in tasks if len(task.track)]
         if not found:
-            raise InputError("no-positions.tasks", paths=self.paths[0])
+            raise InputError("no-positions.of-time-logs", paths=self.paths[0])
         found.sort(key=_span)
         for one, other in pairwise(found):
             if _span(other)[0] <= _span(one)[1]:

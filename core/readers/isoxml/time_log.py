@@ -204,7 +204,7 @@ def read_header(data: bytes, name: str) -> RecordLayout:
         except ValueError:
             raise InputError("time-log-header.channel", name=name, item=item.get("A")) from None
     if len(channels) > MAX_CHANNELS:
-        raise InputError("time-log-header.read-header", name=name, channels=len(channels), most_values=MAX_CHANNELS)
+        raise InputError("time-log-header.too-many-values", name=name, channels=len(channels), most_values=MAX_CHANNELS)
     open_letters = ""
     stated = {}
     for letter in _ATTRIBUTE_BYTES:
@@ -223,7 +223,7 @@ def _constant(text: str, name: str) -> int:
     except ValueError:
         value = INT32.max + 1
     if not INT32.min <= value <= INT32.max:
-        raise InputError("time-log-header.constant", name=name, item=text[:40])
+        raise InputError("time-log-header.constant-value", name=name, item=text[:40])
     return value
 
 

@@ -117,7 +117,7 @@ def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | No
         reason = str(error).split(":")[0][:120]
         notices.append(
             Notice(
-                "crs-unreadable.wkt",
+                "crs-unreadable.invalid-wkt",
                 path=path.name,
                 start=text[:40],
                 more=len(text) > 40,
@@ -543,7 +543,7 @@ def _open_table(path: Path, table: PointTable, size_bytes: int) -> TableCloud:
     cloud = TableCloud(path, table.format, header, points, None, TimeKind.NONE, (), None, None, notices, table=table)
     found = survey(cloud)
     if not found.points:
-        raise InputError("no-points.table", path=path, points=table.points)
+        raise InputError("no-points.no-coordinates", path=path, points=table.points)
     if found.points < points:
         notices += (Notice("points-without-place", path=path.name, points=points, without=points - found.points),)
     low, high = (tuple(ends.tolist()) for ends in (found.low, found.high))
@@ -562,7 +562,7 @@ def open_cloud(path: Path) -> CloudFile:
     InputError if there is no such file, or its points cannot be read.
     """
     if not path.is_file():
-        raise InputError("no-such-file.open-cloud", path=path, is_path=bool(path.is_dir()))
+        raise InputError("no-such-file.of-cloud", path=path, is_path=bool(path.is_dir()))
     with path.open("rb") as file:
         size_bytes = path.stat().st_size
         head = file.read(TABLE_HEADER_BYTES)
@@ -612,7 +612,7 @@ def _room(path: Path, header: LasHeader) -> tuple[int, tuple[Notice, ...]]:
     if header.points <= room:
         return header.points, ()
     if room == 0:
-        raise InputError("no-points.room", path=path, points=header.points, size_bytes=header.size_bytes)
+        raise InputError("no-points.file-ends", path=path, points=header.points, size_bytes=header.size_bytes)
     return room, (
         Notice(
             "points-missing",

@@ -103,7 +103,7 @@ def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence
 def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, layered: bool) -> int:
     """Number of layers of a chunk."""
     if items > 8 or len(data) < _LAZ_RECORD.size + 6 * items:
-        raise InputError("laz-items.count", path=path, items=items, size_bytes=len(data))
+        raise InputError("laz-items.too-many", path=path, items=items, size_bytes=len(data))
     listed_items = [struct.unpack_from("<3H", data, _LAZ_RECORD.size + 6 * number) for number in range(items)]
     kinds = tuple(kind for kind, _, _ in listed_items if kind not in _EXTRA_ITEMS)
     sizes = sum(size for _, size, _ in listed_items)
@@ -159,15 +159,15 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
         # A Rust panic derives from BaseException, not Exception, and its class cannot be imported.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise InputError("laz-chunk-damaged.table", path=path, reason=_short(error)) from None
+        raise InputError("laz-chunk-damaged.chunk-table", path=path, reason=_short(error)) from None
     least = min(size for _, size in table)
     sizes = sum(size for _, size in table)
     points = sum(number for number, _ in table)
     fewest = min(number for number, _ in table)
     if least < header.record_bytes or sizes != room or len(table) != count:
-        raise InputError("laz-chunk-table.bytes", path=path, sizes=sizes, room=room)
+        raise InputError("laz-chunk-table.byte-sum", path=path, sizes=sizes, room=room)
     if chunk_points == VARIABLE_CHUNKS and (points != header.points or fewest <= 0):
-        raise InputError("laz-chunk-table.points", path=path, points=points, header_points=header.points)
+        raise InputError("laz-chunk-table.point-sum", path=path, points=points, header_points=header.points)
     return table
 
 

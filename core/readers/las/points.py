@@ -77,11 +77,11 @@ def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[TimeKin
         return TimeKind.STANDARD, (Notice("gps-time-type", path=path.name, week_s=WEEK_S, first=first, last=last),)
     of_2011 = header.created is not None and header.created.year in (2011, 2012)  # times of that week, perhaps
     if declared is TimeKind.STANDARD and week > 0.5 and not of_2011:
-        return TimeKind.WEEK, (Notice("gps-time-type.clock-of", path=path.name, first=first, last=last),)
+        return TimeKind.WEEK, (Notice("gps-time-type.wrong-type", path=path.name, first=first, last=last),)
     if week + standard < 0.5:
         return TimeKind.UNKNOWN, (Notice("gps-time-impossible", path=path.name, first=first, last=last),)
     if declared is TimeKind.WEEK and standard > 0.5:
-        return TimeKind.UNKNOWN, (Notice("gps-time-impossible.clock-of", path=path.name, first=first, last=last),)
+        return TimeKind.UNKNOWN, (Notice("gps-time-impossible.no-week-seconds", path=path.name, first=first, last=last),)
     return declared, ()
 
 

@@ -102,7 +102,7 @@ class PointTable:
         try:
             values = np.array([line.split() for line in lines], np.float64).reshape(-1, width)
         except ValueError:
-            raise InputError("points-damaged.text", path=path, first=done + 1, last=done + len(lines)) from None
+            raise InputError("points-damaged.text-line", path=path, first=done + 1, last=done + len(lines)) from None
         rows = np.zeros(len(values), self.row)
         at = 0
         for name in self.row.names or ():

@@ -280,7 +280,7 @@ def _times(
         if stated_s is not None and not stated_s <= t_s[0] < stated_s + DAY_S:
             in_log = dt.datetime.fromtimestamp(float(t_s[0]), dt.UTC).date()
             stated = dt.datetime.fromtimestamp(stated_s, dt.UTC).date()
-            notices.append(Notice("date-contradicted.times", name=name, in_log=in_log, date=stated))
+            notices.append(Notice("date-contradicted.by-sentences", name=name, in_log=in_log, date=stated))
         return t_s, True
     t_s = unroll(tod, DAY_S)
     if stated_s is not None:

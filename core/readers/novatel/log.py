@@ -392,7 +392,7 @@ class NovatelLog(PositionLog):
         messages, _, _ = self._messages(self.paths)
         poses = _raw_poses(messages, recording_name(self.paths))
         if not len(poses.seconds):
-            raise InputError("no-poses.inertial", name=self.name)
+            raise InputError("no-poses.inertial-log", name=self.name)
         return poses.track(self.options, self.notices)
 
     def inspect(self) -> Inspection:

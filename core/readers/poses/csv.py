@@ -79,7 +79,7 @@ class PoseCsv(PoseFile):
             _expect_once(file, columns)
             schema = [Column({name: 1.0}, POSE_RANGES.get(name, (-np.inf, np.inf))) for name in columns[:NEEDED]]
             schema += [Column({name: 1.0}, optional=True, sparse=True) for name in POSE_SIGMA_COLUMNS]
-            rows = file.rows(schema, outside_key="value-out-of-range.poses")
+            rows = file.rows(schema, outside_key="value-out-of-range.pose-column")
             written = file.written[file.place(columns[3])]
             if columns[1] == GEOGRAPHIC_COLUMNS[0] and columns[3] == "h_m" != written:
                 self.notices.append(Notice("columns-by-meaning.height", path=path.name, column=written))
@@ -126,7 +126,7 @@ def _expect_once(file: CsvFile, columns: Sequence[str]) -> None:
             raise InputError("column-twice", path=file.path, count=count, name=name)
         strangers = [own for own, meant in zip(file.written, file.names, strict=True) if meant not in POSE_CSV_COLUMNS]
         raise InputError(
-            "missing-column.poses",
+            "missing-column.of-poses",
             path=file.path,
             name=name,
             other={"time_unix_s": "time_gps_s", "e_m": "lon_deg", "n_m": "lat_deg"}.get(name),

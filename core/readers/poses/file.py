@@ -72,9 +72,9 @@ class RawPoses:
         if backward.sum() > MAX_LATE_SHARE * len(t_s):
             row = int(np.flatnonzero(backward)[0])
             raise InputError(
-                "time-disorder.in-order", name=self.name, backward=int(backward.sum()), t_s=len(t_s), row=row + 1
+                "time-disorder.poses", name=self.name, backward=int(backward.sum()), t_s=len(t_s), row=row + 1
             )
-        for key, rows in (("poses-repeated", repeated), ("time-runs-back.poses", backward)):
+        for key, rows in (("poses-repeated", repeated), ("time-runs-back.pose-rows", backward)):
             if rows.any():
                 notices.append(Notice(key, name=self.name, rows=int(rows.sum()), count=len(t_s)))
         t_s, values = self._near(t_s[keep], self.values[keep], notices)
@@ -102,8 +102,8 @@ class RawPoses:
         first = int(np.flatnonzero(far)[0])
         found = {"far": count, "far_count": len(far), "far_2": first + 1, "t_s": iso_utc(t_s[first])}
         if 2 * count > len(far):
-            raise InputError("positions-impossible.near", name=self.name, **found)
-        notices.append(Notice("positions-elsewhere.near", name=self.name, **found))
+            raise InputError("positions-impossible.poses", name=self.name, **found)
+        notices.append(Notice("positions-elsewhere.poses", name=self.name, **found))
         return t_s[~far], values[~far]
 
 

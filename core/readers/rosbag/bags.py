@@ -356,7 +356,7 @@ class BagFiles:
             self.notices += storage.notices
             total += count
             if topics is None and storage.declared not in (None, count):
-                self.notices.append(Notice("bag-count.index", file=file, count=count, declared=storage.declared))
+                self.notices.append(Notice("bag-count.by-index", file=file, count=count, declared=storage.declared))
         if topics is None and self._declared and total != self._declared:
             self.notices.append(Notice("bag-count", total=total, declared=self._declared))
 

@@ -104,9 +104,9 @@ class LineScans:
         if self._far:
             found.append(Notice("points-invalid.far", source=source, far=self._far, farthest_m=MAX_RANGE_M))
         if self._untimed:
-            found.append(Notice("no-point-times.sweeps", source=source, untimed=self._untimed, scans=self._scans))
+            found.append(Notice("no-point-times.message-times", source=source, untimed=self._untimed, scans=self._scans))
         if self._late:
-            found.append(Notice("clouds-late.sweeps", source=source, late=self._late))
+            found.append(Notice("clouds-late.late-sweeps", source=source, late=self._late))
         return found
 
 
@@ -240,7 +240,7 @@ class CloudScans:
     def finish(self) -> list[Scan]:
         """No scans: every message is a complete scan; InputError if most points are invalid."""
         if sum(self._invalid.values()) > _MAX_INVALID_SHARE * self._points:
-            raise InputError("points-mostly-invalid.finish", source=self._source, self=self._reasons())
+            raise InputError("points-mostly-invalid.with-counts", source=self._source, self=self._reasons())
         return []
 
     def _reasons(self) -> str:

@@ -152,7 +152,7 @@ class ImuLog(_RowLog):
         if beyond is not None:
             count, row, first = beyond
             raise InputError(
-                "value-out-of-range.track",
+                "value-out-of-range.sensor-messages",
                 source=source,
                 count=count,
                 table=table[row, 1 + first : 4 + first].tolist(),

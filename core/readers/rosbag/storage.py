@@ -319,7 +319,7 @@ class Rosbag1Storage(RecordStorage):
         if not indexed:
             self._note("bag-unindexed")
         elif counted is None:
-            self._note("bag-cut.index", where=self._where(), lost=self._lost())
+            self._note("bag-cut.without-index", where=self._where(), lost=self._lost())
 
     def _chunk_content(self, header: _Fields, data: bytes) -> tuple[bytes, str, int, int]:
         return data, header[b"compression"].decode("ascii", "replace"), _U32.unpack(header[b"size"])[0], 0
@@ -530,7 +530,7 @@ class Db3Storage(BagStorage):
         expected = pages * (65536 if page_bytes == 1 else page_bytes)
         there = database.stat().st_size
         if there < expected:
-            self._note("bag-cut.size", size_bytes=there, expected=expected)
+            self._note("bag-cut.shorter-file", size_bytes=there, expected=expected)
 
     def _rows(
         self, connection: sqlite3.Connection, topics: Collection[str] | None, most_bytes: int
@@ -558,4 +558,4 @@ class Db3Storage(BagStorage):
             else:
                 damaged += 1
         if damaged:
-            self._note("bag-orphans.rows", damaged=damaged)
+            self._note("bag-orphans.unknown-topics", damaged=damaged)

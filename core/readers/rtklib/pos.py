@@ -281,7 +281,7 @@ def _columns(
         speed = np.hypot(vn, ve)
     if header.geodetic_height and len(values):
         height = np.full(len(values), np.nan)
-        notices.append(Notice("no-ellipsoidal-height.columns", name=name))
+        notices.append(Notice("no-ellipsoidal-height.geodetic-columns", name=name))
     quality = np.where((values[:, 3] >= 0) & (values[:, 3] <= 7), values[:, 3], 0).astype(np.int64)
     satellites = np.where((values[:, 4] >= 1) & (values[:, 4] <= 999), values[:, 4], -1)
     return {

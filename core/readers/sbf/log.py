@@ -157,7 +157,7 @@ class SbfLog(ReceiverLog):
         )
 
     def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:  # noqa: ARG002
-        return InputError("no-positions.no-position-messages", name=name, frames=frames)
+        return InputError("no-positions.of-sbf", name=name, frames=frames)
 
 
 def _key(messages: Messages) -> NDArray[np.int64]:

@@ -207,7 +207,7 @@ def settle(
     tai_s = past_hour_s + _TAI_S
     if abs(tai_s) < _DISCIPLINED_S:
         return SensorClock(Clock.SENSOR, -_TAI_S, -tai_s), [Notice("clock-tai", past_hour_s=-past_hour_s)]
-    key = "clock-recorder" if abs(past_hour_s) <= _SAME_S else "clock-recorder.apart"
+    key = "clock-recorder" if abs(past_hour_s) <= _SAME_S else "clock-recorder.off-the-hour"
     notice = Notice(key, receiver=_no_receiver(positions), apart_s=abs(past_hour_s))
     return SensorClock(Clock.RECORDER, home_s, 0.0), [notice]
 

@@ -269,12 +269,12 @@ class _VectorNav(FileReader, ABC):
                 raise InputError("imu-no-times", name=name, measured=len(measured))
             raise InputError("imu-no-measurements", name=name)
         if untimed := len(measured) - len(timed):
-            notice = Notice("rows-incomplete.inertial", name=name, measured=untimed, measured_count=len(measured))
+            notice = Notice("rows-incomplete.measurements", name=name, measured=untimed, measured_count=len(measured))
             self.notices.append(notice)
         values = units.in_si(timed[:, 1:7])
         beyond = first_beyond(values)
         if beyond is not None:
-            raise InputError("value-out-of-range.inertial", name=name, beyond=beyond[0])
+            raise InputError("value-out-of-range.imu-messages", name=name, beyond=beyond[0])
         return inertial_track(timed[:, 0], values, name, self.notices)
 
     def attitude(self) -> AttitudeTrack:
@@ -299,7 +299,7 @@ class _VectorNav(FileReader, ABC):
         if source.fault:
             self.notices.append(cut_notice(path, source.fault))
         if counts.bad:
-            notice = Notice("sentences-damaged.damaged", paths=self.name, bad=counts.bad, intact=counts.intact)
+            notice = Notice("sentences-damaged.binary-messages", paths=self.name, bad=counts.bad, intact=counts.intact)
             self.notices += [notice] if notice not in self.notices else []
 
 

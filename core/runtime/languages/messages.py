@@ -20,8 +20,8 @@ from furrowmap.core.runtime.urls import without_passwords
 Part: TypeAlias = "str | Hole | Choice"
 ERROR_PARTS: Final = ("what", "meaning", "remedy")
 """Parts of an error, as they are printed below each other."""
-Value: TypeAlias = str | bool | None
-"""A value as it is printed, or the condition of a choice."""
+Value: TypeAlias = str | bool | int | float | None
+"""A value of a message: a number in the unit that its name states, a text, or the condition of a choice."""
 _TOKEN: Final = re.compile(r"\{\{|\}\}|[{}|]")
 _HOLE_NAME: Final = re.compile(r"([a-z_0-9]+)(![rs])?(:)?")
 
@@ -131,20 +131,32 @@ def holes(key: str) -> Mapping[str, Hole | Choice]:
     return found
 
 
-def printed(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
-    """Values as they are printed in the sentences of a key: a string for each hole, a bool for each choice alone.
-
-    URLs in them have no passwords.
+def plain_values(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
+    """Values of a key as Python's own numbers and texts; URLs in them have no passwords.
 
     A key that is not in the catalogue, such as of a reader in another package, takes its sentences themselves: `what`,
     `meaning` and `remedy`, or `text`. KeyError if a value is missing or belongs to no hole.
     """
-    if key not in templates("en") and values.keys() in ({*ERROR_PARTS}, {"text"}):
-        return {part: str(text) for part, text in values.items()}
-    wanted = holes(key)
-    if wanted.keys() != values.keys():
-        message = f"{key}: values {sorted(values)} for {sorted(wanted)}"
+    sentences_themselves = key not in templates("en") and values.keys() in ({*ERROR_PARTS}, {"text"})
+    if not sentences_themselves and holes(key).keys() != values.keys():
+        message = f"{key}: values {sorted(values)} for {sorted(holes(key))}"
         raise KeyError(message)
+    return {name: _plain_value(value) for name, value in values.items()}
+
+
+def _plain_value(value: Any) -> Value:
+    if hasattr(value, "dtype"):  # a scalar of numpy, which `--help` does not import
+        value = value.item()
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, int):
+        return int(value)
+    return float(value) if isinstance(value, float) else without_passwords(str(value))
+
+
+def printed(key: str, values: Mapping[str, Value]) -> dict[str, Value]:
+    """Values of a key as its sentences show them: a string for each hole, a bool for each choice alone."""
+    wanted = holes(key)
     found: dict[str, Value] = {}
     for name, value in values.items():
         hole = wanted[name]
@@ -154,7 +166,7 @@ def printed(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
             found[name] = value
         else:
             shown = repr(value) if hole.conversion == "r" else value
-            found[name] = without_passwords(format(shown, hole.spec) if hole.spec else str(shown))
+            found[name] = format(shown, hole.spec) if hole.spec else str(shown)
     return found
 
 

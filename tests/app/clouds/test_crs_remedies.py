@@ -256,7 +256,7 @@ def test_local_crs__is_stated_by_the_user_or_refused(local: str, fitting: str, o
         assert "georeference the cloud first" in refused.value.remedy
     with pytest.raises(InputError) as refused:
         open_clouds([path], CRS(other))
-    assert refused.value.key == "crs-local.unit"
+    assert refused.value.key == "crs-local.foreign-unit"
     target = CRS("EPSG:25832") if at == "DE" else CRS("EPSG:26918")
     clouds = open_clouds([path], CRS(fitting), target)
     assert "crs-of-local" in {notice.code for notice in clouds.notices}

@@ -115,7 +115,7 @@ def test_tool__ahead_or_behind_where_it_is_stated_is_told_by_begins_and_ends(sta
     assert found.ahead_m == pytest.approx(-stated_ahead_m, abs=1.5 * ACROSS_BIN_M)
     tool = Implement(name="", kind="rotary tiller", xy_m=(-1.6, 0.0), width_m=2.0 * HALF_M)
     keys = [notice.key for notice in found.notices(tool)]
-    assert keys == (["tool-apart.along"] if abs(stated_ahead_m) > 0.4 else [])
+    assert keys == (["tool-apart.along-track"] if abs(stated_ahead_m) > 0.4 else [])
 
 
 def test_pass__that_begins_before_its_time_and_ends_after_it_is_no_tool_elsewhere() -> None:

@@ -115,12 +115,12 @@ def test_points_that_contradict_the_others__are_named_and_take_no_part(
 def test_points_of_another_datum__do_not_move_the_block() -> None:
     shift_m = (3.0, -2.0, 40.0)
     block, (notice,) = controlled(1, moved(surveyed(1), dict.fromkeys(range(5), shift_m)))
-    assert (notice.key, block.known.name) == ("control-points-contradict.shift", ())
+    assert (notice.key, block.known.name) == ("control-points-contradict.all-shifted", ())
     assert "5 of 5 control points" in notice.text
     assert block.control_shift_m == pytest.approx(shift_m, abs=1.0)
     assert block.adjusted is flown(1)[1]
     alone, (notice,) = controlled(1, moved(surveyed(1, points=1), {0: shift_m}))
-    assert (notice.key, alone.known.name) == ("control-points-contradict.shift", ())
+    assert (notice.key, alone.known.name) == ("control-points-contradict.all-shifted", ())
 
 
 @pytest.mark.parametrize("points", [2, 3])
@@ -144,5 +144,5 @@ def test_a_point_that_images_should_show__is_named_if_they_do_not() -> None:
     control = surveyed(1)
     unseen = replace(control, seen=tuple(one for one in control.seen if one[1] != 2))
     block, (notice,) = controlled(1, unseen)
-    assert (notice.key, block.known.name) == ("control-points-unseen.some", tuple("ABDE"))
+    assert (notice.key, block.known.name) == ("control-points-unseen.no-plate", tuple("ABDE"))
     assert "control points C have" in notice.text

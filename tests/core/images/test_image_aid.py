@@ -78,7 +78,7 @@ def images(tmp_path_factory: pytest.TempPathFactory) -> Images:
 
 def located() -> Located:
     known = PoseErrors(NODES_S, np.zeros((len(NODES_S), 6)), FLIGHT.covariance)
-    told = (Notice.from_printed("gnss-quality", {}), Notice.from_printed("epochs-missing", {}))
+    told = (Notice.from_values("gnss-quality", {}), Notice.from_values("epochs-missing", {}))
     return Located(FLIGHT.block.trajectory, "imu", {}, told, pose_errors=lambda _: known)
 
 

@@ -51,7 +51,7 @@ def test_findings__hold_each_warning_once_and_causes_first(chosen: list[str]) ->
 def test_findings__of_a_session_that_was_not_filled_in_are_one(key: str) -> None:
     """Its yaw was assumed, ground and wheels disagree, the implement is not where it would be."""
     seen = [
-        "contradiction.contradiction-notice",
+        "contradiction.scans-and-positions",
         "mounting-off",
         "mounting-height",
         key,
@@ -69,9 +69,9 @@ def test_findings__of_a_session_that_was_not_filled_in_are_one(key: str) -> None
 
 def test_findings__of_other_causes_stay_apart() -> None:
     """A boundary elsewhere has nothing to do with the clock; the contradiction is acted on first."""
-    seen = ["boundary-apart", "gnss-quality", "contradiction.clock"]
+    seen = ["boundary-apart", "gnss-quality", "contradiction.positions-late"]
     assert [one.notice.key for one in findings([notice(key) for key in seen])] == [
-        "contradiction.clock",
+        "contradiction.positions-late",
         "boundary-apart",
         "gnss-quality",
     ]

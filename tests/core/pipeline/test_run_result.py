@@ -28,7 +28,7 @@ def driven(turn_deg: float, source: str = "gnss", *codes: str) -> Located:
     heading = 350.0 + turn_deg * (t_s >= 10.0)
     xyz = np.column_stack([t_s, 0.0 * t_s, 0.0 * t_s])
     trajectory = trajectory_from_attitude(t_s, xyz, 0.0, 0.0, heading, max_gap_s=2.0)
-    return Located(trajectory, source, {}, tuple(Notice.from_printed(code, {}) for code in codes))
+    return Located(trajectory, source, {}, tuple(Notice.from_values(code, {}) for code in codes))
 
 
 def matched(located: Located, *, sigma_height_m: float = 0.01, facing_shown: bool = True) -> Matched:

@@ -129,7 +129,7 @@ def test_quality_of_positions__is_not_that_of_a_cloud_that_control_points_place(
 ) -> None:
     n = len(names)
     known = Known(np.arange(n), np.zeros((n, 3)), np.full((n, 3), 0.005), names)
-    quality, other = Notice.from_printed("gnss-quality", {}), Notice.from_printed("epochs-missing", {})
+    quality, other = Notice.from_values("gnss-quality", {}), Notice.from_values("epochs-missing", {})
     assert notices_beside((quality, other), known) == ((quality, other) if kept else (other,))
 
 

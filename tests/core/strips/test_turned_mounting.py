@@ -66,7 +66,7 @@ def test_ground_that_lies_apart_with_every_mounting__is_a_contradiction(behind_s
     assert [notice.code for notice in boresight_notices(found, TRUE)] == ["boresight-assumed"]
     after, notice = held_against_mounting(trajectory, found)
     assert notice is not None
-    assert notice.key == "contradiction.ground"
+    assert notice.key == "contradiction.scattered-ground"
     assert f"lies {found.scatter_m[1]:.2f} m apart with every mounting" in notice.text
     assert after is trajectory
 
@@ -76,7 +76,7 @@ def test_scanner_that_is_turned_far_from_its_drawing__puts_the_attitude_in_doubt
     found = Scene(TRUE).found(Mounting(TRUE.xyz_m, (-90.0, -34.0, -90.0)))
     after, notice = held_against_mounting(trajectory, found)
     assert notice is not None
-    assert notice.key == "contradiction.mounting"
+    assert notice.key == "contradiction.turned-scanner"
     stated = np.hypot(trajectory.sigma[:, 3:], np.abs(found.correction_deg))
     np.testing.assert_allclose(after.sigma[:, 3:], stated)
     np.testing.assert_array_equal(after.sigma[:, :3], trajectory.sigma[:, :3])

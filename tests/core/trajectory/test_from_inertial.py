@@ -122,7 +122,7 @@ def test_a_clock_that_is_off_by_less_than_is_corrected__is_in_the_sigmas_of_atti
     assert (np.sqrt((ratio**2).mean(axis=0)) < 2.0).all()
 
 
-@pytest.mark.parametrize(("gains", "times", "key"), [(1.5e-3, 1.0, "imu-clock-off.runs"), (0.0, 1.03, "imu-scale-off")])
+@pytest.mark.parametrize(("gains", "times", "key"), [(1.5e-3, 1.0, "imu-clock-off.rate-off"), (0.0, 1.03, "imu-scale-off")])
 def test_clock_that_runs_or_gyroscopes_of_a_wrong_scale__are_told_apart_and_corrected(
     gains: float, times: float, key: str
 ) -> None:
@@ -160,7 +160,7 @@ def test_positions_that_err_slowly_or_jump__are_named(jump: bool) -> None:
     )
     off_m = 0.4 * (since_s > 30.0) if jump else wandering
     by_imu = found(replace(track, lat_deg=track.lat_deg + off_m / 111_000.0), flight.noisy_imu(rate_hz=100.0))
-    assert "contradiction.positions" in {notice.key for notice in by_imu.notices}
+    assert "contradiction.positions-err" in {notice.key for notice in by_imu.notices}
     assert jump or np.sqrt(np.mean((errors(by_imu.trajectory, flight) / by_imu.trajectory.sigma) ** 2)) < 2.0
 
 
@@ -173,7 +173,7 @@ def test_drive_on_wheels__has_the_slow_error_that_its_imu_shows(slow_m: float) -
     track = replace(track, lat_deg=track.lat_deg + north_m / 111_000.0, lon_deg=track.lon_deg + east_m / 63_000.0)
     imu = MountedImu(drive.noisy_imu(noise, 100.0), MOUNTING, noise)
     by_imu = trajectory_from_inertial(track, imu, frame(), LEVER_M, None, Hints(on_wheels=True))
-    assert [notice.key for notice in by_imu.notices] == ["contradiction.positions"] * (slow_m > 0.0)
+    assert [notice.key for notice in by_imu.notices] == ["contradiction.positions-err"] * (slow_m > 0.0)
     ratio = errors(by_imu.trajectory, drive) / by_imu.trajectory.sigma
     assert np.sqrt((ratio**2).mean()) < 2.0
 
@@ -188,7 +188,7 @@ def test_slow_error__has_the_density_that_was_drawn_on_the_axis_that_has_it() ->
     shown = np.median(problem.positions.drift_m / np.sqrt(problem.drift_s), axis=0)
     assert shown[2] == pytest.approx(sigma_m / np.sqrt(lasting_s), rel=0.2)
     assert shown[:2] == pytest.approx(np.median(stated[:, :2], axis=0) / np.sqrt(60.0), rel=1e-6)
-    assert [notice.key for notice in by_imu.notices] == ["contradiction.positions"]
+    assert [notice.key for notice in by_imu.notices] == ["contradiction.positions-err"]
 
 
 def test_rates_in_another_unit__are_refused_by_name() -> None:

@@ -80,7 +80,7 @@ def test_kept_and_interpolated_heights__get_large_standard_deviations_and_no_oth
     height = measured()
     height[part] = 300.0 + rate_mps * (T_S[part] - T_S[0])
     track, (notice,) = judged(log(height))
-    assert notice.key == "gnss-heights.held"
+    assert notice.key == "gnss-heights.held-values"
     assert "a.nmea: " in notice.text
     inside = np.zeros(N, np.bool_)
     inside[part] = True
@@ -103,7 +103,7 @@ def test_heights_of_a_simulator__are_not_doubted() -> None:
 def test_rounded_heights__have_the_standard_deviation_of_their_rounding(step_m: float, *, told: bool) -> None:
     height = 300.0 + 0.15 * (T_S - T_S[0]) + np.random.default_rng(1).normal(0.0, 0.004, N)
     track, notices = judged(log(np.round(height / step_m) * step_m))
-    assert [notice.key for notice in notices] == (["gnss-heights.rounded"] if told else [])
+    assert [notice.key for notice in notices] == (["gnss-heights.rounded-values"] if told else [])
     assert np.allclose(track.sigma_h_m, np.hypot(SIGMA_M, 0.3 * step_m))
     assert not measured_heights(positions_without_steps(track, way())).any()
 

@@ -84,7 +84,7 @@ def test_setting__is_the_line_that_the_remedy_names(key: str) -> None:
 
 
 def test_setting__may_be_a_list() -> None:
-    error = InputError("imu-turned.upright", name="imu.csv", right="[180.0, 0.0, 0.0]")
+    error = InputError("imu-turned.likely-upright", name="imu.csv", right="[180.0, 0.0, 0.0]")
     assert error.setting == {"table": "imu", "key": "rpy_deg", "value": [180.0, 0.0, 0.0]}
 
 
