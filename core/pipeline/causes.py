@@ -93,7 +93,12 @@ FOLLOWS: Final[Mapping[str, tuple[str, ...]]] = {
     "imu-gravity": _IMU_MISREAD,
     "imu-rate-unit": _IMU_MISREAD,
     "imu-axes": _IMU_MISREAD,
-    "imu-turned": ("contradiction.turned-scanner", "contradiction.lever-arm", "contradiction.force-scatters", "boresight-off"),
+    "imu-turned": (
+        "contradiction.turned-scanner",
+        "contradiction.lever-arm",
+        "contradiction.force-scatters",
+        "boresight-off",
+    ),
     "imu-frozen": ("imu-pauses", "imu-not-aligned"),
     "imu-shaken": ("imu-noisier",),
     "geoid-separation": ("check-points-off", "epoch-and-geoid", "mounting-height"),

@@ -122,7 +122,9 @@ def _georeferenced(file: CloudFile, crs: pyproj.CRS | None, notices: list[Notice
     units_m = [one.axis_info[0].unit_conversion_factor for one in (flat, stated)]
     names = [one.axis_info[0].unit_name for one in (flat, stated)]
     if not stated.is_geographic and not math.isclose(*units_m, rel_tol=SAME_UNIT):
-        raise InputError("crs-local.foreign-unit", file=file.path, crs=own, unit=names[0], stated=name_of(crs), other=names[1])
+        raise InputError(
+            "crs-local.foreign-unit", file=file.path, crs=own, unit=names[0], stated=name_of(crs), other=names[1]
+        )
     notices.append(Notice("crs-of-local", path=file.path.name, crs=own, stated=name_of(crs)))
     return crs if height is None or stated_height is not None else compound_crs(stated, height)
 

@@ -296,7 +296,9 @@ def _unknown(head: Head) -> InputError:
         return InputError("unknown-format.agopengps", head=head.path)
     if head.path.is_dir():
         return InputError(
-            "unknown-format.folder-content", head=head.path, readers="; ".join(sorted(reader.title for reader in readers()))
+            "unknown-format.folder-content",
+            head=head.path,
+            readers="; ".join(sorted(reader.title for reader in readers())),
         )
     kind = file_kind(head.data)
     if kind is not None:

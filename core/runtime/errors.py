@@ -175,7 +175,9 @@ class Notice:
 def _sentence(language: str, key: str, part: str, values: Mapping[str, Value]) -> str:
     """A part of a message in a language; texts in its values are translated too."""
     code = key.partition(".")[0]
-    return printable(fill(sentences(language, key)[part], printed(key, values), lambda value: translated(value, language, code)))
+    return printable(
+        fill(sentences(language, key)[part], printed(key, values), lambda value: translated(value, language, code))
+    )
 
 
 def printable(text: str) -> str:

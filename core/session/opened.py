@@ -325,7 +325,9 @@ def resolve(session_file: Path, named: str) -> Path:
         is_file = path.is_file()
         is_folder = path.is_dir()
     except (OSError, ValueError) as error:
-        raise InputError("session-file-missing.invalid-name", session_file=session_file, named=named, error=error) from None
+        raise InputError(
+            "session-file-missing.invalid-name", session_file=session_file, named=named, error=error
+        ) from None
     if is_outside:
         raise InputError("session-path-outside.by-name", session_file=session_file, named=named)
     if not is_file and not is_whole:

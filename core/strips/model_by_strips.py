@@ -43,7 +43,11 @@ class LikelierModel:
         """The contradiction that it is."""
         before_m, after_m = self.scatter_m
         return Notice(
-            "contradiction.other-model", name=self.name, read_as=self.read_as, before_m=1e3 * before_m, after_m=1e3 * after_m
+            "contradiction.other-model",
+            name=self.name,
+            read_as=self.read_as,
+            before_m=1e3 * before_m,
+            after_m=1e3 * after_m,
         )
 
 

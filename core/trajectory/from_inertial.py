@@ -428,7 +428,9 @@ def trajectory_from_inertial(
         )
     if imu.clock_rate:
         notices.append(
-            Notice("imu-clock-off.rate-off", source=source, is_fast=imu.clock_rate > 0.0, by_ms=abs(1e3 * imu.clock_rate))
+            Notice(
+                "imu-clock-off.rate-off", source=source, is_fast=imu.clock_rate > 0.0, by_ms=abs(1e3 * imu.clock_rate)
+            )
         )
     if imu.gyro_scale:
         notices.append(Notice("imu-scale-off", source=source, times=1.0 / (1.0 - imu.gyro_scale)))

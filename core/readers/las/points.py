@@ -81,7 +81,9 @@ def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[TimeKin
     if week + standard < 0.5:
         return TimeKind.UNKNOWN, (Notice("gps-time-impossible", path=path.name, first=first, last=last),)
     if declared is TimeKind.WEEK and standard > 0.5:
-        return TimeKind.UNKNOWN, (Notice("gps-time-impossible.no-week-seconds", path=path.name, first=first, last=last),)
+        return TimeKind.UNKNOWN, (
+            Notice("gps-time-impossible.no-week-seconds", path=path.name, first=first, last=last),
+        )
     return declared, ()
 
 

@@ -104,7 +104,9 @@ class LineScans:
         if self._far:
             found.append(Notice("points-invalid.far", source=source, far=self._far, farthest_m=MAX_RANGE_M))
         if self._untimed:
-            found.append(Notice("no-point-times.message-times", source=source, untimed=self._untimed, scans=self._scans))
+            found.append(
+                Notice("no-point-times.message-times", source=source, untimed=self._untimed, scans=self._scans)
+            )
         if self._late:
             found.append(Notice("clouds-late.late-sweeps", source=source, late=self._late))
         return found

@@ -122,7 +122,9 @@ def test_a_clock_that_is_off_by_less_than_is_corrected__is_in_the_sigmas_of_atti
     assert (np.sqrt((ratio**2).mean(axis=0)) < 2.0).all()
 
 
-@pytest.mark.parametrize(("gains", "times", "key"), [(1.5e-3, 1.0, "imu-clock-off.rate-off"), (0.0, 1.03, "imu-scale-off")])
+@pytest.mark.parametrize(
+    ("gains", "times", "key"), [(1.5e-3, 1.0, "imu-clock-off.rate-off"), (0.0, 1.03, "imu-scale-off")]
+)
 def test_clock_that_runs_or_gyroscopes_of_a_wrong_scale__are_told_apart_and_corrected(
     gains: float, times: float, key: str
 ) -> None:

@@ -51,7 +51,7 @@ def test_report__has_its_versions_and_its_keys_in_order(tmp_path: Path) -> None:
     assert content["schema"] == 1
     assert content["figures"] == {"points": 7_977_874, "spread_m": None, "box_m": [1.0, 2.0]}
     assert content["clocks"] == {"lidar": {"clock": "sensor-gps"}}
-    assert content["warnings"] == [{"code": "gap", "text": "A gap of 5 s."}]
+    assert content["warnings"] == [{"code": "gap", "values": {"text": "A gap of 5 s."}, "text": "A gap of 5 s."}]
     assert content["inputs"] == [{"name": "recording.pcap", "bytes": 3, "sha256": "ab"}]
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
 

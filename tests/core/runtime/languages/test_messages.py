@@ -5,7 +5,9 @@ from __future__ import annotations
 import pickle
 import re
 import string
+from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -115,10 +117,19 @@ def test_choice__is_one_where_its_value_is_there() -> None:
     ]
 
 
-def test_values__are_printed_once_for_all_languages() -> None:
-    assert printed("too-large", {"what": "a", "packed": 1.5, "unpacked": 2, "growth": 3})["packed"] == "1.5"
+def test_values__are_kept_as_they_are_and_printed_in_the_sentences() -> None:
+    values: dict[str, object] = {"what": Path("a.las"), "packed": np.float64(1.5), "unpacked": np.int64(2), "growth": 3}
+    kept = InputError("too-large", **values).values
+    assert kept == {"what": "a.las", "packed": 1.5, "unpacked": 2, "growth": 3}
+    assert [type(value) for value in kept.values()] == [str, float, int, int]
+    assert printed("too-large", kept)["packed"] == "1.5"
     with pytest.raises(KeyError):
-        printed("too-large", {"what": "a"})
+        InputError("too-large", what="a.las")
+
+
+def test_values__have_no_passwords() -> None:
+    error = InputError("no-such-file.of-cloud", path="https://me:secret@host/a.las", is_path=False)
+    assert error.values == {"path": "https://me@host/a.las", "is_path": False}
 
 
 def _without_names(text: str) -> str:
