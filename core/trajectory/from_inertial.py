@@ -16,6 +16,7 @@ clocks was found and taken off before.
 from __future__ import annotations
 
 from contextlib import suppress
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
@@ -374,6 +375,25 @@ class InertialTrajectory(GnssTrajectory):
         return PoseErrors(knots.t_s[nodes], np.zeros((len(nodes), POSE)), covariance)
 
 
+def _corrections(imu: MountedImu, source: str, clock_s: float, clock_sigma_s: float) -> Iterator[Notice]:
+    """What the positions correct of an IMU: its clock, the rate of that, and the scale of its gyroscopes."""
+    if clock_s:
+        yield Notice(
+            "imu-clock-off",
+            source=source,
+            off_s=abs(clock_s),
+            is_off_s=clock_s > 0,
+            cause=named_offset(clock_s) or None,
+            minus_gnss_s=imu.earlier_by(clock_s).minus_gnss_s,
+            margin=margin(clock_sigma_s, " s"),
+        )
+    if imu.clock_rate:
+        by_ms = abs(1e3 * imu.clock_rate)
+        yield Notice("imu-clock-off.rate-off", source=source, is_fast=imu.clock_rate > 0.0, by_ms=by_ms)
+    if imu.gyro_scale:
+        yield Notice("imu-scale-off", source=source, times=1.0 / (1.0 - imu.gyro_scale))
+
+
 def trajectory_from_inertial(
     track: GnssTrack,
     imu: MountedImu,
@@ -411,29 +431,9 @@ def trajectory_from_inertial(
     notices += left_out
     if np.degrees(np.median(adjusted.sigma[:, ROTATION + 2])) > UNKNOWN_HEADING_DEG:
         raise heading_unknown(adjusted.problem)
-    clocked = imu.earlier_by(clock_s)
     clock_sigma_s = adjusted.constants.clock_left_s(clock_s)
     clock_sigma_s = clock_sigma_s if np.isfinite(clock_sigma_s) else MIN_OFFSET_S
-    if clock_s:
-        notices.append(
-            Notice(
-                "imu-clock-off",
-                source=source,
-                off_s=abs(clock_s),
-                is_off_s=clock_s > 0,
-                cause=named_offset(clock_s) or None,
-                minus_gnss_s=clocked.minus_gnss_s,
-                margin=margin(clock_sigma_s, " s"),
-            )
-        )
-    if imu.clock_rate:
-        notices.append(
-            Notice(
-                "imu-clock-off.rate-off", source=source, is_fast=imu.clock_rate > 0.0, by_ms=abs(1e3 * imu.clock_rate)
-            )
-        )
-    if imu.gyro_scale:
-        notices.append(Notice("imu-scale-off", source=source, times=1.0 / (1.0 - imu.gyro_scale)))
+    notices += _corrections(imu, source, clock_s, clock_sigma_s)
     if in_air and not agrees(adjusted) and (mistake := likely_mistake(adjusted.problem)) is not None:
         misfit = float(np.sqrt(adjusted.variance_factor))
         raise InputError("imu-contradicts", source=source, misfit=misfit, better_other=mistake)
@@ -453,7 +453,7 @@ def trajectory_from_inertial(
     if contradiction is None and far.any():
         notices.append(Notice("gnss-jumps.by-imu", unused=int(far.sum()), track=spans_in_words(gated, far)))
     used = quality_words(gated.fix)
-    figures = _figures(adjusted, clocked)
+    figures = _figures(adjusted, imu.earlier_by(clock_s))
     return InertialTrajectory(trajectory, positions, used, unused, tuple(notices), levels_m, figures, adjusted)
 
 
