@@ -15,8 +15,8 @@ clocks was found and taken off before.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
