@@ -25,7 +25,7 @@ from furrowmap.core.pipeline.notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.strips.boresight import BORESIGHT_NAMES, Boresight
 from furrowmap.core.trajectory.motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
@@ -127,6 +127,11 @@ FLIGHT_CAUSES: Final = {
     "contradiction.scattered-ground": "unknown",
     "contradiction.height-creep": "creep",
     "contradiction.scatter": "positions",
+    "contradiction.positions-late": "clock",
+    "contradiction.other-model": "model",
+    "contradiction.turned-scanner": "mounting",
+    "contradiction.positions-err": "positions",
+    "contradiction.force-scatters": "unknown",
     "imu-turned": "mounting",
     "geoid-separation": "geoid",
     "gnss-height-steps": "positions",
@@ -164,8 +169,9 @@ def verdict(found: RunResult) -> dict[str, Any]:
     doubts = [in_local_time(notice.text, found.zone) for notice in doubtful]
     others: dict[str, Any] = {}
     for language in LANGUAGES[1:]:
-        others[f"text_{language}"] = translated(text, language, contradictions[0].code) if text else None
-        others[f"doubts_{language}"] = [translated(doubt, language) for doubt in doubts]
+        first = contradictions[0].text_in(language) if contradictions else None
+        others[f"text_{language}"] = in_local_time(first, found.zone) if first is not None else None
+        others[f"doubts_{language}"] = [in_local_time(doubt.text_in(language), found.zone) for doubt in doubtful]
     shown = [
         in_all_languages(finding.notice, found.zone)
         | {"follows": [in_all_languages(notice, found.zone) for notice in finding.follows]}
@@ -191,10 +197,11 @@ def top_findings(found: RunResult) -> list[Finding]:
     ]
 
 
-def in_all_languages(notice: Notice, zone: ZoneInfo) -> dict[str, str]:
-    """A warning for a report: its code, its text, and that in every other language, such as `text_ja`."""
+def in_all_languages(notice: Notice, zone: ZoneInfo) -> dict[str, Any]:
+    """A warning for a report: its code and values, its text, and that in every other language, such as `text_ja`."""
     others = {f"text_{language}": in_local_time(notice.text_in(language), zone) for language in LANGUAGES[1:]}
-    return {"code": notice.code, "text": in_local_time(notice.text, zone), **others}
+    text = in_local_time(notice.text, zone)
+    return {"code": notice.code, "values": dict(notice.values), "text": text, **others}
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:
