@@ -38,10 +38,7 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     time = column_of(_TIMES, names, path)
     if file is None or time is None:
         raise InputError("missing-column.of-images", path=path, names=", ".join(names)[:80])
-<<<<<<< HEAD
     kind = next(name for name in _TIMES if means(time, name))
-=======
->>>>>>> e0c222c2 (Messages: values as numbers in reports, variants named by their case; tests)
     rows = [(line, row[file], row[time]) for line, row in cells if row.get(file) and row.get(time)]
     if len(rows) < len(cells):
         notices.append(Notice("rows-incomplete", source=path, whole=len(cells) - len(rows), rows=len(cells)))
