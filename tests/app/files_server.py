@@ -10,6 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+POLL_S = 0.02
+"""So soon a server ends that is to end."""
+
 
 class _Quiet(http.server.SimpleHTTPRequestHandler):
     def log_message(self, *args: Any) -> None:
@@ -21,7 +24,7 @@ def served(folder: Path) -> Iterator[str]:
     """The address of a folder, with a slash at the end."""
     handler = functools.partial(_Quiet, directory=str(folder))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
+        threading.Thread(target=server.serve_forever, args=(POLL_S,), daemon=True).start()
         host, port = server.server_address[:2]
         yield f"http://{host!s}:{port}/"
         server.shutdown()

@@ -141,7 +141,7 @@ def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 def test_promise_20__killed_writer_leaves_the_old_products_or_the_new_ones(scene: Scene, program: Mortal) -> None:
     chance = random.Random(5)
     seen: list[bool] = []
-    wanted = KILLS // 10 or 4
+    wanted = KILLS // 10 or 2
     for number in range(3 * wanted):
         if len(seen) == wanted:
             break

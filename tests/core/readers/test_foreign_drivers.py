@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -41,6 +42,7 @@ BEGINNINGS: dict[str, tuple[bytes, tuple[str, ...]]] = {
     "BigTIFF": (b"MM\0+", (".tif", ".csv", ".vrt")),
 }
 """First bytes, and the names that files with these have."""
+KILLS = int(os.environ.get("KILLS", "0"))
 Read = Callable[[Path], object]
 
 
@@ -91,10 +93,13 @@ def test_bait__is_seen_to_be_taken(bait: Bait, tmp_path: Path) -> None:
 def test_promise_23__files_with_signatures_of_all_drivers_open_nothing_else(
     beginning: str, bait: Bait, tmp_path: Path
 ) -> None:
+    """Of the three beginnings with all suffixes, each driver meets each suffix with one; `KILLS=1` tries all."""
     head, suffixes = BEGINNINGS[beginning]
+    share = 3 if suffixes is SUFFIXES and not KILLS else 1
+    turn = [*BEGINNINGS].index(beginning)
     taken = []
-    for driver, text in signatures(str(bait.file), bait.url).items():
-        for suffix in suffixes:
+    for number, (driver, text) in enumerate(signatures(str(bait.file), bait.url).items()):
+        for suffix in suffixes[(turn + number) % share :: share]:
             path = tmp_path / f"any{suffix}"
             path.write_bytes(head + text.encode() + b"\n" * 200)
             read_all(path)

@@ -15,6 +15,8 @@ import pytest
 
 _IN_ACCESS = 0x1
 _IN_OPEN = 0x20
+POLL_S = 0.02
+"""So soon a server ends that is to end."""
 
 
 class Bait:
@@ -59,7 +61,7 @@ def bait_beside(folder: Path) -> Iterator[Bait]:
     file.parent.mkdir()
     file.write_text("id,x,y,z\n1,1,1,1\n")
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread = threading.Thread(target=server.serve_forever, args=(POLL_S,), daemon=True)
     thread.start()
     libc = ctypes.CDLL(None, use_errno=True)
     descriptor = libc.inotify_init1(os.O_NONBLOCK)

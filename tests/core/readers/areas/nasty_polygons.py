@@ -13,7 +13,7 @@ import shapely
 
 Rings = list[list[list[float]]]
 SIDE_M = 100.0
-CORNERS = int(os.environ.get("CORNERS", "250000"))
+CORNERS = int(os.environ.get("CORNERS", "100000"))
 """Of the largest polygons; a file may have a million and more, which take several times as long."""
 
 
@@ -94,8 +94,8 @@ def spikes_of_no_width() -> Rings:
     return [_ring(np.stack([out, 1.5 * out, out], axis=1).reshape(-1, 2))]
 
 
-def one_point_a_million_times() -> Rings:
-    return [[[1.0, 1.0]] * 1_000_000]
+def one_point_many_times() -> Rings:
+    return [[[1.0, 1.0]] * CORNERS]
 
 
 NASTY: dict[str, Callable[[], Rings]] = {
@@ -103,7 +103,7 @@ NASTY: dict[str, Callable[[], Rings]] = {
     for make in (
         equal_holes, nearly_equal_holes, holes_within_holes, star_of_spikes, fine_outline, rough_outline, crossing_star,
         woven, figure_of_eights, straight_line, spiral, huge_coordinates, tiny_coordinates,
-        spikes_of_no_width, one_point_a_million_times,
+        spikes_of_no_width, one_point_many_times,
     )
 }  # fmt: skip
 
