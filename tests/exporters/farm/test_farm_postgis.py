@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 HOSTILE = "'; DROP TABLE furrowmap.sessions; --\t\\N圃場"
-KILLS = int(os.environ.get("KILLS", "5"))
+KILLS = int(os.environ.get("KILLS", "2"))
 DETAILS = ("events", "tool_path", "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "zones")
 MEMORY = ("fields", "visits", "seasons", "machines")
 TIMELESS = ("misses", "unworked", "boundary", "zones", "fields", "seasons")
