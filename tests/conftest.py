@@ -47,6 +47,17 @@ SLOW_FOLDERS = (
     "plugin",
 )
 """Folders of tests that run whole workflows, or take minutes together."""
+SLOW_FILES = (
+    "end_to_end",
+    "foreign_drivers",
+    "lies",
+    "nasty_polygons",
+    "packaging",
+    "tutorial",
+    "two_scanners",
+    "two_tools",
+)
+"""Ends of the names of files that simulate and run recordings, build wheels, or read thousands of files."""
 
 
 def pytest_collection() -> None:
@@ -70,7 +81,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if (
             SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ()))
             or any(place.is_relative_to(folder) for folder in SLOW_FOLDERS)
-            or place.stem.endswith(("end_to_end", "tutorial", "two_tools", "lies", "nasty_polygons", "foreign_drivers"))
+            or place.stem.endswith(SLOW_FILES)
         ):
             item.add_marker("slow")
     slow_files = {item.path for item in items if item.get_closest_marker("slow")}
