@@ -286,7 +286,7 @@ def propose_session(
         *(Notice("no-place", fault=b.fault) for b in beginnings if b.fault),
         *(Notice("recording-unused.no-use-in-sessions", r=r.path.name, title=r.inspection.title) for r in unused),
         *(Notice("recording-unused.same-time", r=r.path.name, other=gnss[0].path.name) for r in repeated),
-        *(Notice(f"{code}.missing", unknown=FILL_IN) for code, absent in lacking.items() if absent),
+        *(Notice(f"{code}.to-fill-in", unknown=FILL_IN) for code, absent in lacking.items() if absent),
         *(notice for notice in told if notice.code in _OF_SCANNERS),
         *places_missing(
             machine, flight, scans=sensed, states=bool(states), poses=bool(poses), inertial=bool(inertial), flies=flies
