@@ -203,9 +203,7 @@ def _exit_unless_met(verdicts: dict[str, Any]) -> None:
         rmse_m = verdict["rmse_m"]
         required_m = verdict["required_m"]
         put_error(
-            RefusedError(
-                "check-not-met", name=name, rmse_m=rmse_m, required_m=required_m, required_m_share=100 * required_m
-            )
+            RefusedError("check-not-met", name=name, rmse_m=rmse_m, required_m=required_m, class_cm=100 * required_m)
         )
     if unmet:
         click.get_current_context().exit(RefusedError.exit_status)

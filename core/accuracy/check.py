@@ -263,7 +263,7 @@ def precision_notices(precision: InternalPrecision, class_m: float | None) -> li
     ]
     if not beyond or class_m is None:
         return []
-    return [Notice("check-precision", class_m=100 * class_m, beyond=", ".join(beyond))]
+    return [Notice("check-precision", class_cm=100 * class_m, beyond=", ".join(beyond))]
 
 
 def accuracy_notices(
@@ -279,11 +279,11 @@ def accuracy_notices(
             Notice("check-unused", unused=len(unused), checks=len(checks), reasons=reasons, more=len(unused) > 3)
         )
     if accuracy.vertical.n < MIN_CHECK_POINTS:
-        notices.append(Notice("check-few", n=accuracy.vertical.n, fewest=MIN_CHECK_POINTS))
+        notices.append(Notice("check-few", points=accuracy.vertical.n, fewest=MIN_CHECK_POINTS))
     if not np.isfinite(accuracy.vertical.survey_m):
         notices.append(Notice("check-survey-unknown"))
     elif class_m is not None and accuracy.vertical.survey_m > 0.5 * class_m:
-        notices.append(Notice("check-survey-coarse", survey_m=accuracy.vertical.survey_m, class_m=100 * class_m))
+        notices.append(Notice("check-survey-coarse", survey_m=accuracy.vertical.survey_m, class_cm=100 * class_m))
     for name, part in (("height", accuracy.vertical), ("easting", accuracy.easting), ("northing", accuracy.northing)):
         if part is not None and part.biased:
             geoid = name == "height" and abs(part.mean_m) > MAX_MEAN_HEIGHT_M

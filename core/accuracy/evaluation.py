@@ -626,7 +626,7 @@ def offset_notices(error_m: FloatArray, test: str, reference: str) -> list[Notic
     horizontal = error_m[:, :2]
     distance = float(np.median(np.hypot(*horizontal.T)))
     if distance > MAX_SAME_PLACE_M:
-        return [Notice("not-the-same-place", test=test, distance=distance, reference=reference)]
+        return [Notice("not-the-same-place", test=test, distance_m=distance, reference=reference)]
     if not error_m[np.isfinite(error_m)].any():
         return [Notice("same-positions", test=test, reference=reference)]
     notices = []
@@ -636,9 +636,9 @@ def offset_notices(error_m: FloatArray, test: str, reference: str) -> list[Notic
     if length > max(MIN_CONSTANT_OFFSET_M, CONSTANT_SIGMAS * scatter):
         way = compass_direction(float(east), float(north))
         notices.append(
-            Notice("constant-offset", test=test, length=length, way=way, reference=reference, scatter=scatter)
+            Notice("constant-offset", test=test, offset_m=length, way=way, reference=reference, scatter_m=scatter)
         )
     up = error_m[np.isfinite(error_m[:, 2]), 2]
     if len(up) and abs(up.mean()) > max(MIN_GEOID_OFFSET_M, CONSTANT_SIGMAS * up.std()):
-        notices.append(Notice("heights-apart", test=test, reference=reference, up=up.mean()))
+        notices.append(Notice("heights-apart", test=test, reference=reference, off_m=up.mean()))
     return notices

@@ -171,9 +171,9 @@ def _logged_swept(
         Notice(
             "part-of-width",
             source=task.track.source,
-            np=np.sum(distance_m[part]),
-            np_sum=np.sum(distance_m),
+            part_m=np.sum(distance_m[part]),
+            whole_m=np.sum(distance_m),
             width_m=implement.width_m,
-            missing=missing,
+            missing_m2=missing,
         )
     ]

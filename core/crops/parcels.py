@@ -60,10 +60,10 @@ def plot_grid(
         along = base / max(scale * measured, 1e-12)
         length_m = grid.length_m if grid.length_m is not None else (measured - gaps_m) / grid.columns
         if length_m <= 0.0:
-            raise InputError("plots-grid.alleys", measured=measured, gaps_m=gaps_m)
+            raise InputError("plots-grid.alleys", measured_m=measured, gaps_m=gaps_m)
         needed = grid.columns * length_m + gaps_m
         if abs(needed - measured) > MAX_MISFIT_M:
-            notices.append(Notice("plots-baseline", measured=measured, needed=needed))
+            notices.append(Notice("plots-baseline", measured_m=measured, needed_m=needed))
     else:
         assert azimuth_deg is not None
         assert grid.length_m is not None
@@ -174,7 +174,7 @@ def read_parcels(
             path=path,
             small=list_names(small, "parcel"),
             net_inset_m=net_inset_m[0],
-            net_inset_m_other=net_inset_m[1],
+            net_inset_sides_m=net_inset_m[1],
         )
     return tuple(parcels)
 

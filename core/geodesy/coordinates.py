@@ -120,7 +120,9 @@ def transform_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Trans
         en = track.position[:, :2]
         if bool(((np.abs(en) <= (180.0, 90.0)) & (np.ptp(en, axis=0) < DEGREES_OF_A_DRIVE)).all()):
             return track, TransformSummary(
-                notices=(Notice("coordinates-look-like-degrees", source=track.source, en=en[0, 0], en_2=en[0, 1]),)
+                notices=(
+                    Notice("coordinates-look-like-degrees", source=track.source, easting=en[0, 0], northing=en[0, 1]),
+                )
             )
         if frame.parameters is None and frame.heights.vertical is None:
             return track, UNCHANGED
@@ -159,8 +161,8 @@ def _transform(
                 parameters=frame.parameters.name,
                 holds=iso_utc(holds[0]),
                 holds_other=iso_utc(holds[1]),
-                t_s=iso_utc(first_s),
-                t_s_last=iso_utc(last_s),
+                first_time=iso_utc(first_s),
+                last_time=iso_utc(last_s),
             )
         before = np.column_stack([*frame.project(lon, lat), np.zeros(len(lon))])
         lon, lat, up = frame.parameters.to_map(lon, lat, np.zeros(len(lon)))
@@ -180,7 +182,7 @@ def _transform(
                 lat_deg=lat[missing[0]],
                 lon_deg=lon[missing[0]],
                 missing=len(missing) - 1,
-                geoid_m=len(geoid),
+                positions=len(geoid),
             )
         height = height - geoid
         heights = HeightMove(frame.heights.name, frame.heights.source, (float(geoid.min()), float(geoid.max())))
@@ -201,7 +203,7 @@ def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: flo
         return []
     apart = datum_shift_m(base, round(lon_deg, 1), round(lat_deg, 1))
     if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
-        raise RefusedError("crs-datum", name=name, base=base.name, apart=apart, lat_deg=lat_deg, lon_deg=lon_deg)
+        raise RefusedError("crs-datum", name=name, base=base.name, apart_m=apart, lat_deg=lat_deg, lon_deg=lon_deg)
     if base.name == "JGD2000" and time_s > JGD2000_UNTIL_S:
         return [Notice("datum-superseded", name=name)]
     return []

@@ -102,9 +102,9 @@ def frames_along(
                 known=int((~known).sum()),
                 images=len(images),
                 paths=images.paths[first].name,
-                t_s=iso_utc(float(images.t_s[first])),
-                begin_s=iso_utc(begin_s),
-                end_s=iso_utc(end_s),
+                image_time=iso_utc(float(images.t_s[first])),
+                begin=iso_utc(begin_s),
+                end=iso_utc(end_s),
             )
         )
     if not known.any():

@@ -129,10 +129,10 @@ def external_states(
     raise InputError(
         "no-common-time.expect-common-time",
         path=paths[0],
-        first_s=iso_utc(stated.first_s),
-        last_s=iso_utc(stated.last_s),
-        first_s_2=iso_utc(first_s),
-        last_s_2=iso_utc(last_s),
+        states_first=iso_utc(stated.first_s),
+        states_last=iso_utc(stated.last_s),
+        positions_first=iso_utc(first_s),
+        positions_last=iso_utc(last_s),
         likely=likely[1] if likely is not None else None,
         ahead_s=ahead_s + likely[0] if likely is not None else None,
     )

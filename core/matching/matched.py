@@ -401,7 +401,7 @@ def match_notices(adjusted: Adjusted, used: Mounting, unheld: Sequence[Span] = (
     stated = adjusted.problem.mounting
     mounting = mounting_notices(adjusted.calibration, adjusted.facing, stated, used)
     unbridged = adjusted.unbridged
-    gaps = [Notice("gap-not-bridged", begin_s=iso_utc(g.begin_s), end_s=g.end_s - g.begin_s) for g in unbridged]
+    gaps = [Notice("gap-not-bridged", begin=iso_utc(g.begin_s), end_s=g.end_s - g.begin_s) for g in unbridged]
     found = adjusted.slow_errors
     unchecked = not (found.checked or adjusted.sway.off) and found.times == (1.0, 1.0)
     slow = [slow_errors_unchecked(adjusted.problem.positions)] if unchecked else []

@@ -33,10 +33,10 @@ def position_notices(placement: Placement, located: Located) -> list[Notice]:
     longest = int(np.argmax(length))
     notice = Notice(
         "gaps",
-        length=length.sum(),
-        inside=len(inside),
-        length_2=length[longest],
-        inside_2=iso_utc(float(inside[longest, 0])),
+        missing_s=length.sum(),
+        gaps=len(inside),
+        longest_s=length[longest],
+        longest_begins=iso_utc(float(inside[longest, 0])),
     )
     return [notice, *quality_notices(placement.poses)]
 
@@ -71,10 +71,10 @@ def _outages(poses: ScanPoses) -> list[Notice]:
     return [
         Notice(
             "gnss-outage",
-            length=length[long].sum(),
+            missing_s=length[long].sum(),
             told=int(long.sum()),
-            length_2=length[longest],
-            begin=iso_utc(float(begin[longest])),
+            longest_s=length[longest],
+            longest_begins=iso_utc(float(begin[longest])),
         )
     ]
 
@@ -116,8 +116,8 @@ def refuse_empty(placement: Placement, trajectory: Trajectory, session: Session)
             raise InputError(
                 "no-common-time",
                 attitude=session.mount.attitude,
-                first_s=iso_utc(scans.first_s),
-                last_s=iso_utc(scans.last_s),
+                first=iso_utc(scans.first_s),
+                last=iso_utc(scans.last_s),
             )
     raise _no_common_time(scans, trajectory, session.recording.lidar_minus_gnss_s)
 
@@ -126,11 +126,11 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
     """Why no scan has a pose."""
     begin_s, end_s = trajectory.span_s
     spans = {
-        "first_s": iso_utc(scans.first_s),
-        "last_s": iso_utc(scans.last_s),
+        "first": iso_utc(scans.first_s),
+        "last": iso_utc(scans.last_s),
         "stated_s": stated_s or None,
-        "begin_s": iso_utc(begin_s),
-        "end_s": iso_utc(end_s),
+        "begin": iso_utc(begin_s),
+        "end": iso_utc(end_s),
     }
     if scans.first_s <= end_s and scans.last_s >= begin_s:
         return InputError("no-common-time.no-positions-within", **spans)
@@ -172,7 +172,7 @@ def placement_notices(placement: Placement) -> list[Notice]:
                 points_read=placement.points_read,
                 lost_scaled=lost / placement.points_read,
                 outside=outside,
-                lost_2=lost - outside,
+                in_gaps=lost - outside,
             )
         )
     if placement.scans_standing:

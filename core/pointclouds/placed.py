@@ -254,7 +254,7 @@ def place_scans(
             continue
         scan_s = float(scan.t_s[0])
         if scan_s < last_s - DISORDER_S:
-            raise InputError("scans-not-in-order", number=scan.number, at_s=iso_utc(scan_s), last_s=iso_utc(last_s))
+            raise InputError("scans-not-in-order", number=scan.number, time=iso_utc(scan_s), end_before=iso_utc(last_s))
         first_s = first_s if np.isfinite(first_s) else scan_s
         last_s = float(scan.t_s[-1])
         classification = classify(scan)

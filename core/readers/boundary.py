@@ -59,7 +59,7 @@ def read_fields(
     except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS and PROJ have no family of their own
         raise unreadable(str(error) or type(error).__name__) from None
     if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
-        raise InputError("boundary-datum", path=path, base=base.name, apart=apart)
+        raise InputError("boundary-datum", path=path, base=base.name, apart_m=apart)
     rows = zip(polygons.attributes, outlines, strict=True)
     return [FieldOutline(_texts(attributes.values()), outline) for attributes, outline in rows]
 

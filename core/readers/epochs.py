@@ -60,7 +60,7 @@ def utc_of(seconds: FloatArray, scale: str, name: str, options: ReadOptions) -> 
         else:
             raise InputError("no-gps-week", name=name, within=within[0], within_last=within[-1])
     elif not bool(np.all(seconds >= EARLIEST_SINCE_1980_S)):
-        raise InputError("unknown-time-scale", name=name, seconds=seconds.min(), seconds_max=seconds.max())
+        raise InputError("unknown-time-scale", name=name, first_s=seconds.min(), last_s=seconds.max())
     return seconds + GPS_EPOCH_S if scale == "utc" else gps_to_utc_s(seconds)
 
 
@@ -98,13 +98,19 @@ def in_order(
         first = place(int(np.flatnonzero(backward)[0]))
         steps_back = int(np.sum(np.diff(t_s) <= 0))
         if steps_back > max(MAX_SPLICES, 0.01 * len(t_s)):
-            raise InputError("receivers-interleaved", first=first, steps_back=steps_back, t_s=len(t_s))
-        raise InputError("time-disorder.disorder", first=first, backward=int(backward.sum()), t_s=len(t_s))
+            raise InputError("receivers-interleaved", first=first, steps_back=steps_back, positions=len(t_s))
+        raise InputError("time-disorder.disorder", first=first, backward=int(backward.sum()), positions=len(t_s))
     notices = []
     if backward.any():
         widest_s = float(-np.diff(t_s).min(initial=0.0))
         notices.append(
-            Notice("time-runs-back.positions", name=name, backward=int(backward.sum()), t_s=len(t_s), widest_s=widest_s)
+            Notice(
+                "time-runs-back.positions",
+                name=name,
+                backward=int(backward.sum()),
+                positions=len(t_s),
+                widest_s=widest_s,
+            )
         )
     if repeated.any():
         notices.append(Notice("positions-repeated", name=name, repeated=int(repeated.sum())))
@@ -126,7 +132,7 @@ def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray
         if not begin_s <= gps_s[0] < begin_s + DAY_S:
             stated = dt.datetime.fromtimestamp(stated_s, dt.UTC).isoweekday() % 7
             raise InputError(
-                "date-contradicted", name=name, tow_s=day_of_week(tow_s[0]), date=options.date, days=_DAYS[stated]
+                "date-contradicted", name=name, first_tow=day_of_week(tow_s[0]), date=options.date, days=_DAYS[stated]
             )
         return gps_s
     if options.near_s is not None:
@@ -137,7 +143,7 @@ def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray
 
 def no_week(tow_s: FloatArray, name: str) -> InputError:
     """The error of a log with only the time of the week."""
-    return InputError("no-date", name=name, tow_s=week_time(tow_s[0]), tow_s_last=week_time(tow_s[-1]))
+    return InputError("no-date", name=name, first_tow=week_time(tow_s[0]), last_tow=week_time(tow_s[-1]))
 
 
 def day_of_week(tow_s: float) -> str:

@@ -128,7 +128,7 @@ def drop_implausible_positions(
         "source": track.source or "The GNSS log",
         "bad": int(bad.sum()),
         "track": len(track),
-        "farthest_m": MAX_FROM_MIDDLE_M / 1e3,
+        "farthest_km": MAX_FROM_MIDDLE_M / 1e3,
         "places": spans_in_words(track, bad, when),
     }
     if 2 * bad.sum() > np.isfinite(track.lat_deg).sum():

@@ -201,7 +201,11 @@ def _tie_to_utc(clock_s: FloatArray, utc_s: FloatArray, name: str, notices: list
     scatter = float(np.median(np.abs(offset - middle)))
     notices.append(
         Notice(
-            "imu-clock-tied", name=name, changes=len(changes), is_scatter=scatter < MEASURED_SCATTER_S, scatter=scatter
+            "imu-clock-tied",
+            name=name,
+            changes=len(changes),
+            is_scatter=scatter < MEASURED_SCATTER_S,
+            scatter_s=scatter,
         )
     )
     return clock_s + middle

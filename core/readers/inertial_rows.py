@@ -120,7 +120,7 @@ def _gravity(track: InertialTrack, name: str) -> list[Notice]:
     share = size / STANDARD_GRAVITY_MPS2
     if abs(share - 1.0) < MAX_GRAVITY_DEVIATION:
         return []
-    found = {"name": name, "size": size, "gravity": STANDARD_GRAVITY_MPS2}
+    found = {"name": name, "force_mps2": size, "gravity_mps2": STANDARD_GRAVITY_MPS2}
     units = _force_unit(track)
     if units is not None:
         return [Notice("imu-gravity.other-unit", **found, read=units[0], unit=units[1])]
@@ -202,11 +202,11 @@ def _times(track: InertialTrack, name: str) -> list[Notice]:
     scatter = float(np.mean(np.abs(step[step < MIN_PAUSE_INTERVALS * mean] - mean)))
     notices = []
     if scatter > MAX_JITTER * mean:
-        notices.append(Notice("imu-times-of-arrival", name=name, scatter=1e3 * scatter, mean=1e3 * mean))
+        notices.append(Notice("imu-times-of-arrival", name=name, scatter_ms=1e3 * scatter, mean_ms=1e3 * mean))
     pauses = step[step >= MIN_PAUSE_INTERVALS * mean]
     if len(pauses):
         notices.append(
-            Notice("imu-pauses", name=name, pauses=len(pauses), pauses_sum=pauses.sum(), pauses_max=pauses.max())
+            Notice("imu-pauses", name=name, pauses=len(pauses), in_all_s=pauses.sum(), longest_s=pauses.max())
         )
     return notices
 
@@ -233,7 +233,7 @@ def without_frozen(track: InertialTrack, notices: list[Notice]) -> InertialTrack
         return track
     length_s = float(np.diff(track.t_s, append=track.t_s[-1])[frozen].sum())
     source = track.source or "The IMU"
-    notices.append(Notice("imu-frozen", name=source, axes=", ".join(axes), length=length_s))
+    notices.append(Notice("imu-frozen", name=source, axes=", ".join(axes), frozen_s=length_s))
     kept = ~frozen
     return InertialTrack(track.t_s[kept], track.rate_radps[kept], track.force_mps2[kept], track.source)
 
@@ -309,9 +309,9 @@ def _forward(t_s: FloatArray, disorder: str, name: str, notices: list[Notice]) -
     forward = runs_forward(t_s)
     late = int((~forward).sum())
     if late > MAX_LATE_SHARE * len(t_s) or len(t_s) - late < 2:
-        raise InputError(disorder, name=name, forward=late, t_s=len(t_s))
+        raise InputError(disorder, name=name, late=late, rows=len(t_s))
     if late:
-        notices.append(Notice("time-runs-back", name=name, forward=late, t_s=len(t_s)))
+        notices.append(Notice("time-runs-back", name=name, late=late, rows=len(t_s)))
     return forward
 
 

@@ -86,7 +86,9 @@ class ScannerCounts:
         notices = []
         if self.gaps:
             share = 100 * self.lost / (self.lost + self.packets)
-            notices.append(Notice("lost-packets", lost=self.lost, gaps=self.gaps, lost_s=self.lost_s, lost_share=share))
+            notices.append(
+                Notice("lost-packets", lost=self.lost, gaps=self.gaps, lost_s=self.lost_s, lost_percent=share)
+            )
         if self.pauses_s:
             ends = dict.fromkeys(f"{end_s:,.3f}" for end_s in (min(self.pauses_s), max(self.pauses_s)))
             count = len(self.pauses_s)
@@ -105,4 +107,4 @@ class ScannerCounts:
         if not self.jumps:
             return []
         at_s, size_s = self.jumps[0]
-        return [Notice("clock-jumps", jumps=len(self.jumps), size_s=size_s, at_s=iso_utc(at_s))]
+        return [Notice("clock-jumps", jumps=len(self.jumps), size_s=size_s, first_at=iso_utc(at_s))]

@@ -175,9 +175,9 @@ def _missing(positions: LoggedPositions, when: Callable[[float], str]) -> list[N
             source=positions.track.source,
             count=count,
             count_min=min(count, int((lost > 0).sum())),
-            interval=1.0 / interval,
-            step=step[worst],
-            t_s=when(float(t_s[worst])),
+            rate_hz=1.0 / interval,
+            longest_gap_s=step[worst],
+            gap_begins=when(float(t_s[worst])),
         )
     ]
 

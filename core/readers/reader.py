@@ -261,7 +261,7 @@ def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
                 head=other.head.path,
                 title=other.reader.title,
                 paths=paths[0],
-                title_2=found[0].reader.title,
+                other_title=found[0].reader.title,
             )
     files = [f.head.path for f in found]
     try:

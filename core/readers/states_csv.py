@@ -46,7 +46,7 @@ class StatesCsv(FileReader):
         rows = [row for path in self.paths for row in _rows(path, self.notices)]
         for (t_s, *_), (later_s, *_, where) in pairwise(rows):
             if later_s <= t_s:
-                raise InputError("rows-out-of-order", where=where, later_s=iso_utc(later_s), t_s=iso_utc(t_s))
+                raise InputError("rows-out-of-order", where=where, time=iso_utc(later_s), time_before=iso_utc(t_s))
         begin_s = np.array([row[0] for row in rows], np.float64)
         state = np.array([row[1] for row in rows], np.int8)
         sigma_s = np.array([row[2] for row in rows], np.float64)

@@ -239,7 +239,7 @@ def propose_session(
         title = ordered[0].inspection.title
         path = ordered[0].path
         finished = path.name if ordered[0].inspection.format == "las" else None
-        raise InputError("no-recording.nothing-recorded", other=path, title=title, other_2=finished)
+        raise InputError("no-recording.nothing-recorded", other=path, title=title, cloud=finished)
     matches = [match for match in time_matches(ordered) if match.positions not in {r.path for r in repeated}]
     near_s = next((r.scan_clock.first_s for r in lidar if r.scan_clock is not None), None)
     beginnings = [_beginning(r, near_s) for r in gnss + poses]
@@ -284,8 +284,8 @@ def propose_session(
     missing = [
         *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s <= 0),
         *(Notice("no-place", fault=b.fault) for b in beginnings if b.fault),
-        *(Notice("recording-unused.no-use-in-sessions", r=r.path.name, title=r.inspection.title) for r in unused),
-        *(Notice("recording-unused.same-time", r=r.path.name, other=gnss[0].path.name) for r in repeated),
+        *(Notice("recording-unused.no-use-in-sessions", file=r.path.name, title=r.inspection.title) for r in unused),
+        *(Notice("recording-unused.same-time", file=r.path.name, other=gnss[0].path.name) for r in repeated),
         *(Notice(f"{code}.to-fill-in", unknown=FILL_IN) for code, absent in lacking.items() if absent),
         *(notice for notice in told if notice.code in _OF_SCANNERS),
         *places_missing(

@@ -342,9 +342,7 @@ def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]
         after = 1e3 * found.scatter_m[1]
         before = 1e3 * found.scatter_m[0]
         margins = ", ".join(margin(sigma, "°") for sigma in found.sigma_deg)
-        notices.append(
-            Notice("boresight-off", scatter_m=after, scatter_m_scaled=before, angles=angles, margins=margins)
-        )
+        notices.append(Notice("boresight-off", after_mm=after, before_mm=before, angles=angles, margins=margins))
     if found.mounting.xyz_m != stated.xyz_m:
         margins = ", ".join(margin(sigma, " m") for sigma in found.free.sigma[PLACE_COLUMNS].tolist())
         notices.append(Notice("lever-arm-off", place=place, margins=margins))
@@ -352,7 +350,7 @@ def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]
         notices.append(
             Notice(
                 "scanner-clock-off",
-                clock_used_s=1e3 * abs(found.clock_used_s),
+                clock_ms=1e3 * abs(found.clock_used_s),
                 is_clock_used_s=found.clock_used_s > 0.0,
                 margin=margin(found.time_offset_s[1], " ms", 1e3),
             )
@@ -398,7 +396,9 @@ def held_against_strips(
     sigma[:, :2] = np.hypot(sigma[:, :2], np.abs(creep_mps) * length_s / np.sqrt(3.0))
     east, north = 1e3 * creep_mps
     whole_m = float(np.hypot(*creep_mps)) * length_s
-    return replace(trajectory, sigma=sigma), Notice("contradiction.creep", east=east, north=north, whole_m=whole_m)
+    return replace(trajectory, sigma=sigma), Notice(
+        "contradiction.creep", east_mmps=east, north_mmps=north, whole_m=whole_m
+    )
 
 
 def positions_creep_mps(returns: StripReturns, strips: Sequence[Interval], used: Mounting) -> FloatArray:

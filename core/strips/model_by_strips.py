@@ -46,8 +46,8 @@ class LikelierModel:
             "contradiction.other-model",
             name=self.name,
             read_as=self.read_as,
-            before_m=1e3 * before_m,
-            after_m=1e3 * after_m,
+            before_mm=1e3 * before_m,
+            after_mm=1e3 * after_m,
         )
 
 

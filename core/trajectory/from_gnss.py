@@ -111,8 +111,8 @@ def trajectory_from_gnss(
             raise RefusedError(
                 "heading-unknown.no-heading",
                 source=track.source or "The GNSS log",
-                t_s=iso_utc(gated.t_s[0]),
-                t_s_last=iso_utc(gated.t_s[-1]),
+                first_time=iso_utc(gated.t_s[0]),
+                last_time=iso_utc(gated.t_s[-1]),
             )
         if motions.doubtful:
             doubtful = (f"{iso_utc(gated.t_s[a])} to {iso_utc(gated.t_s[b])}" for a, b in motions.doubtful[:3])
@@ -164,10 +164,10 @@ def _antennas_heading(
     off = wrap_deg(heading - course)[both]
     median = float(np.degrees(np.angle(np.median(np.cos(np.radians(off))) + 1j * np.median(np.sin(np.radians(off))))))
     if abs(median) > ANTENNAS_OFF_DEG:
-        notices.append(Notice("antennas-heading-unused", median=median))
+        notices.append(Notice("antennas-heading-unused", off_course_deg=median))
         return np.full(len(track), np.nan)
     if abs(median) > ANTENNAS_REPORTED_DEG:
-        notices.append(Notice("antennas-heading-off", median=median))
+        notices.append(Notice("antennas-heading-off", off_course_deg=median))
     return heading
 
 

@@ -237,8 +237,8 @@ def heading_unknown(problem: InertialProblem) -> RefusedError:
     return RefusedError(
         "heading-unknown",
         source=problem.links.track.source or "The IMU",
-        begin_s=iso_utc(float(problem.knots.t_s[0])),
-        end_s=iso_utc(float(problem.knots.t_s[-1])),
+        begin=iso_utc(float(problem.knots.t_s[0])),
+        end=iso_utc(float(problem.knots.t_s[-1])),
         antennas=problem.hints.unasked,
         wheels=not problem.hints.on_wheels,
     )

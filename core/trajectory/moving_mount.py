@@ -44,11 +44,11 @@ def carrier_of(located: Located, session: Session, file: Path | None) -> tuple[T
             Notice(
                 "mount-gaps",
                 file=file,
-                length=length[wide].sum(),
+                missing_s=length[wide].sum(),
                 end_s=end_s - begin_s,
                 wide=int(wide.sum()),
-                length_2=length[longest],
-                known_s=iso_utc(float(known_s[longest])),
+                longest_s=length[longest],
+                longest_begins=iso_utc(float(known_s[longest])),
             )
         )
     pivot_m = session.mount.xyz_m if session.mount.xyz_m is not None else session.lidar.mounting.xyz_m

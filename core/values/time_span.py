@@ -56,8 +56,8 @@ def track_within(track: Track, span_s: Span) -> Track:
         "no-such-time",
         source=track.source,
         wanted=" to ".join(ends),
-        t_s=iso_utc(float(track.t_s[0])) if len(track) else None,
-        t_s_last=iso_utc(float(track.t_s[-1])) if len(track) else None,
+        first_time=iso_utc(float(track.t_s[0])) if len(track) else None,
+        last_time=iso_utc(float(track.t_s[-1])) if len(track) else None,
     )
 
 

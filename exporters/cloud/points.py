@@ -181,7 +181,7 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
         return FurrowmapError("cloud-not-finite", where=where, t_s=batch.t_s[i])
     steps = np.rint(batch.xyz_m[i] / scale_m)
     if steps.min() < STEPS.min or steps.max() > STEPS.max:
-        return FurrowmapError("cloud-out-of-range", where=where, max=STEPS.max * scale_m / 1000)
+        return FurrowmapError("cloud-out-of-range", where=where, farthest_km=STEPS.max * scale_m / 1000)
     return ValueError(f"PointBatch.return_number or .returns is beyond 1 to {RETURNS}")
 
 

@@ -93,7 +93,9 @@ def _texture(path: Path) -> tuple[bytes, Sequence[float], list[Notice]]:
         bounds = raster.bounds
         if factor > 1.0:
             size = (bounds.right - bounds.left) / shape[1]
-            notices.append(Notice("texture-reduced", size=size, orthophoto=ORTHOPHOTO, a=raster.transform.a))
+            notices.append(
+                Notice("texture-reduced", pixel_m=size, orthophoto=ORTHOPHOTO, orthophoto_pixel_m=raster.transform.a)
+            )
     with warnings.catch_warnings(), rasterio.MemoryFile(ext=".jpg") as memory:
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         kind: dict[str, Any] = {"driver": "JPEG", "height": shape[0], "width": shape[1], "count": 3, "dtype": "uint8"}

@@ -67,7 +67,7 @@ _DATE_COLUMNS: Final = frozenset({"date", "start", "end", "first_date", "last_da
 def check_schema(farm_map: str, schema: str | None, remedy: str) -> None:
     """Refuse a farm map of another version of the tables."""
     if schema != str(SCHEMA):
-        raise RefusedError("base-schema", farm_map=farm_map, schema=schema, schema_2=SCHEMA, remedy=remedy)
+        raise RefusedError("base-schema", farm_map=farm_map, schema=schema, known_schema=SCHEMA, remedy=remedy)
 
 
 def row_of(values: Sequence[Any]) -> KnownSession:

@@ -166,7 +166,7 @@ def common_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
     if wanted is None:
         for surface in surfaces:
             if not same_map(surface.crs, crs):
-                names = {"crs": name_of(crs), "crs_2": name_of(surface.crs)}
+                names = {"crs": name_of(crs), "other_crs": name_of(surface.crs)}
                 raise RefusedError("mosaic-crs", surfaces=surfaces[-1].path, surface=surface.path, **names)
         return crs
     if same_map(crs, wanted):

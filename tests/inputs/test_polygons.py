@@ -305,4 +305,4 @@ def test_left_out_features__are_noticed_everywhere(tmp_path: Path) -> None:
     notices += TrialFiles.among([path]).notices
     told = [notice for notice in notices if notice.code == "features-left-out"]
     assert len(told) == 6
-    assert {dict(notice.values)["left_out"] for notice in told} == {"2"}
+    assert {dict(notice.values)["left_out"] for notice in told} == {2}

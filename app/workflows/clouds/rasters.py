@@ -155,7 +155,7 @@ class CloudRasters:
             self._roughness(progress)
         else:
             notices.append(
-                Notice("roughness-too-coarse", cell_m=cell_m, plot_m=PLOT_M, plot_m_scaled=PLOT_M / CELLS_A_PLOT)
+                Notice("roughness-too-coarse", cell_m=cell_m, plot_m=PLOT_M, coarsest_m=PLOT_M / CELLS_A_PLOT)
             )
         spots, coarse = self._low_spots(progress)
         if coarse is not None:

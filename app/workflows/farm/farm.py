@@ -199,7 +199,7 @@ def _read_results(folders: Sequence[Path], zone: ZoneInfo | None, progress: Prog
                 raise InputError(
                     "session-twice",
                     folder=folder,
-                    folder_2=results[result.session].folder,
+                    other_folder=results[result.session].folder,
                     result=result.name,
                     date=result.date,
                 )

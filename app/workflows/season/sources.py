@@ -114,7 +114,7 @@ def season_crs(sessions: Sequence[SeasonSession], wanted: CRS | None) -> tuple[C
                 folder=sessions[-1].folder,
                 crs=name_of(crs),
                 session_folder=session.folder,
-                crs_2=name_of(session.crs),
+                other_crs=name_of(session.crs),
             )
         change = crs_change(session.crs, crs, _bounds(session))
         notices |= dict.fromkeys(change.notices)

@@ -229,9 +229,9 @@ def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
                     moved=len(moved),
                     count=count,
                     work=_name(work, other),
-                    work_2=_name(work, one),
-                    east=east,
-                    north=north,
+                    other_work=_name(work, one),
+                    easting_m=east,
+                    northing_m=north,
                 )
             )
     unseen = [

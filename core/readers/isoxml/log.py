@@ -322,7 +322,7 @@ def _join_logs(
     clock_s = column("clock_s")
     forward = np.flatnonzero(clock_s >= np.maximum.accumulate(clock_s))
     if len(forward) < len(clock_s):
-        notices.append(Notice("time-backwards", name=name, n=len(clock_s) - len(forward)))
+        notices.append(Notice("time-backwards", name=name, records=len(clock_s) - len(forward)))
     last = forward[np.diff(clock_s[forward], append=np.inf) > 0]
     t_s = clock_s - (local_s if np.isfinite(local_s) else 0.0)
     lat = column("lat_deg")
@@ -433,9 +433,9 @@ def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: 
         steady = float(np.median(np.abs(ahead - middle))) < STEADY_S
         if steady and abs(middle) < MAX_ZONE_S:
             if abs(middle) > STEADY_S:
-                notices.append(Notice("clock-by-gps", name=name, middle=middle))
+                notices.append(Notice("clock-by-gps", name=name, ahead_s=middle))
             return middle
-        notices.append(Notice("gps-time-unused", name=name, middle=abs(middle)))
+        notices.append(Notice("gps-time-unused", name=name, differ_s=abs(middle)))
     local_s = _zone_s(logs, task)
     if local_s is not None:
         return local_s

@@ -379,8 +379,8 @@ class Survey:
                 Notice(
                     "returns-differ",
                     cloud=cloud.path.name,
-                    listed=listed[0],
-                    listed_2=listed[1] or "none",
+                    in_header=listed[0],
+                    in_file=listed[1] or "none",
                     by_return=self.by_return[0] or None,
                 )
             )

@@ -122,7 +122,7 @@ class NmeaLog(PositionLog):
             self.notices.append(damaged)
         if counts.other_bytes > NOTED_OTHER_SHARE * counts.stream_bytes:
             share = 100.0 * counts.other_bytes / counts.stream_bytes
-            self.notices.append(Notice("bytes-skipped", name=name, other_bytes=counts.other_bytes, share=share))
+            self.notices.append(Notice("bytes-skipped", name=name, other_bytes=counts.other_bytes, percent=share))
         facts = {
             "talkers": _by(counts, lambda address: "proprietary" if address.startswith("P") else address[:2]),
             "sentences": _by(counts, lambda address: address if address.startswith("P") else address[2:]),
@@ -201,7 +201,7 @@ def assemble(
     log = sentences if belongs.all() else sentences[belongs]
     t_s, dated = _times(positions, log, notices, name, stated_s, near_s)
     _note_clock_set(gga, positions, notices, name)
-    undated = InputError("no-date.no-date", name=name, t_s=_time_of_day(t_s[0]), t_s_last=_time_of_day(t_s[-1]))
+    undated = InputError("no-date.no-date", name=name, first_time=_time_of_day(t_s[0]), last_time=_time_of_day(t_s[-1]))
     found = LoggedPositions.in_order(
         _columns(positions, t_s, log) | {"t_s": t_s},
         lambda k: place(int(positions.at[k])),
@@ -367,8 +367,8 @@ def _note_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice],
             Notice(
                 "clock-set-at-first-fix",
                 name=name,
-                tod=_time_of_day(tod[last]),
-                tod_2=_time_of_day(tod[last + 1]),
-                tod_3=len(tod) - 1,
+                before=_time_of_day(tod[last]),
+                after=_time_of_day(tod[last + 1]),
+                times=len(tod) - 1,
             )
         )

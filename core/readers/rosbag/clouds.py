@@ -242,7 +242,7 @@ class CloudScans:
     def finish(self) -> list[Scan]:
         """No scans: every message is a complete scan; InputError if most points are invalid."""
         if sum(self._invalid.values()) > _MAX_INVALID_SHARE * self._points:
-            raise InputError("points-mostly-invalid.with-counts", source=self._source, self=self._reasons())
+            raise InputError("points-mostly-invalid.with-counts", source=self._source, counts=self._reasons())
         return []
 
     def _reasons(self) -> str:

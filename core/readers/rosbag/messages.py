@@ -341,7 +341,7 @@ class FixLog(_RowLog):
                     source=source,
                     ground=ground["fixed"],
                     fixed_sigma_m=FIXED_SIGMA_M,
-                    ground_2=ground["float"],
+                    assumed_float=ground["float"],
                 )
             )
         return GnssTrack.build(table[:, 0], source=source, **columns, **sigmas), notices

@@ -195,7 +195,7 @@ def settle(
         return SensorClock(Clock.SENSOR_GPS, 0.0, ahead_s), notices
     if near_s is not None and float(np.median(host_s)) < _FIRST_PLAUSIBLE_S:
         utc_s = float(nearest_in_cycle(device_us[0] * 1e-6, near_s, HOUR_S))
-        notice = Notice("clock-stated", host_s=iso_utc(float(host_s[0])), near_s=iso_utc(near_s))
+        notice = Notice("clock-stated", host_time=iso_utc(float(host_s[0])), near_time=iso_utc(near_s))
         return SensorClock(Clock.STATED, 0.0, utc_s - float(host_s[0])), [notice]
     apart_s = host_s - device_us * 1e-6
     apart_s = nearest_in_cycle(apart_s, float(np.median(apart_s)), HOUR_S)

@@ -270,10 +270,10 @@ class PacketCounts(ScannerCounts):
             notices.append(
                 Notice(
                     "packet-rate",
-                    usual_s=1e3 * self.usual_s,
+                    interval_ms=1e3 * self.usual_s,
                     model=model.name,
-                    is_mode=self.maker.modes.get(self.mode, (1, ""))[0] > 1,
-                    mode=1e3 * self.packet_s(model),
+                    dual=self.maker.modes.get(self.mode, (1, ""))[0] > 1,
+                    expected_ms=1e3 * self.packet_s(model),
                     fits=" or ".join(fits) or "no known model",
                 )
             )

@@ -226,7 +226,7 @@ def _read_hpposllh(hp: Messages, status: Messages, notices: list[Notice], name: 
         Fix.SINGLE,
     )
     if len(row) < len(hp):
-        notices.append(Notice("fix-unknown", name=name, hp=len(hp) - len(row), hp_count=len(hp)))
+        notices.append(Notice("fix-unknown", name=name, unknown=len(hp) - len(row), positions=len(hp)))
     fix[(hp.values["flags"] & 1) > 0] = Fix.NONE
     nothing = np.full(len(hp), np.nan)
     return {
@@ -280,7 +280,7 @@ def _refine(
     take("hdop", NAV_DOP, dop.column("hdop", 0.01), np.ones(len(dop), bool))
     alone = len(hp) - int(np.isin(hp.values["itow"], key).sum())
     if both and alone:
-        notices.append(Notice("positions-without-fix", name=name, alone=alone, hp=len(hp)))
+        notices.append(Notice("positions-without-fix", name=name, alone=alone, positions=len(hp)))
 
 
 def _calendar(messages: Messages, valid: int) -> FloatArray:

@@ -18,7 +18,7 @@ KEYS: Final = sorted(templates(ENGLISH))
 
 
 def notice(key: str) -> Notice:
-    return Notice.from_printed(key, {})
+    return Notice.from_values(key, {})
 
 
 def test_table__names_keys_and_codes_that_there_are() -> None:
