@@ -33,6 +33,7 @@ from furrowmap.settings import SurfaceSettings
 from furrowmap.workflows.calibrate.calibrate import write_calibration
 from furrowmap.workflows.gnss.evaluate import evaluate_gnss
 from furrowmap.workflows.share.export import export
+from tests.app.crops.test_response import doses, table
 from tests.app.tie.test_tie import write_result as write_date
 from tests.exporters.farm.result_folders import write_result
 from tests.fuzz.texts import worked
@@ -231,9 +232,22 @@ def _dates(folder: Path, number: int) -> Path:
     return folder / str(number)
 
 
-def _mosaics(target: Path) -> dict[str, str]:
-    """The rasters of a season; its record and catalogue state where the results are, and when they were merged."""
+def _rasters(target: Path) -> dict[str, str]:
+    """The rasters of several results; records and catalogues state where these are, and when they were merged."""
     return {name: digest for name, digest in hashes(target).items() if name.endswith(".tif")}
+
+
+def _trial(folder: Path, number: int) -> Path:
+    """A table of heights, and one of doses beside it."""
+    (folder / str(number)).mkdir()
+    doses(folder / str(number) / "doses.csv")
+    return table(folder / str(number) / "heights.csv", number)
+
+
+def _farm(folder: Path, number: int) -> Path:
+    target = folder / f"{number}.gpkg"
+    furrowmap.add_to_farm_map(target, [_result(folder, number)])
+    return target
 
 
 def _surveyed(folder: Path, number: int) -> Path:
@@ -280,6 +294,17 @@ WRITERS: Mapping[str, Writer] = {
         "table.csv",
     ),
     "csv": _exporter("csv", "exported"),
+    "sbet": _exporter("sbet", "exported.sbet"),
+    "tum": _exporter("tum", "exported.tum"),
+    "poses": _exporter("poses", "exported.csv"),
+    "share": Writer(_result, lambda result, out: furrowmap.share(result, out, overwrite=True), "shared"),
+    "response": Writer(
+        _trial,
+        lambda heights, out: furrowmap.response([heights], heights.with_name("doses.csv"), out, overwrite=True),
+        "response",
+        content=lambda folder: {k: v for k, v in hashes(folder).items() if k != "trial.xlsx"},  # it states the time
+    ),
+    "traffic": Writer(_farm, lambda farm, out: furrowmap.farm_traffic(farm, out, overwrite=True), "traffic.tif"),
     "shapefile": _exporter("shapefile", "exported"),
     "geoparquet": _exporter("geoparquet", "exported"),
     "gpkg": _exporter("gpkg", "exported.gpkg"),
@@ -318,7 +343,7 @@ WRITERS: Mapping[str, Writer] = {
             [dates], out, furrowmap.SeasonSettings(workers=1, content=("mosaics",)), overwrite=True
         ),
         "season",
-        content=_mosaics,
+        content=_rasters,
     ),
     "run": Writer(
         _session, lambda session, out: furrowmap.run(session, out, overwrite=True), "result", content=recordings
