@@ -10,15 +10,16 @@ import tomllib
 import zoneinfo
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, Literal, get_args, get_origin
+from typing import Any, Final, get_args
 
 import msgspec
-from msgspec.inspect import is_struct_type
+from msgspec.inspect import is_struct_type, type_info
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_signatures import TEXT_HEAD_BYTES, binary_kind
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.session.camera import camera_faults
+from furrowmap.core.session.value_faults import value_faults
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
 from furrowmap.core.values.machine import MachineImplement
 from furrowmap.core.values.pose_track import MAGNETIC_NORTH
@@ -35,18 +36,6 @@ from furrowmap.core.values.session import (
 MAX_PLACE_M: Final = 15.0
 """Largest plausible distance from the vehicle origin; larger values are millimetres or centimetres."""
 
-_TYPE_WORDS: Final = {
-    "str": "text in double quotes",
-    "int": "a whole number",
-    "float": "a number",
-    "bool": "true or false",
-    "array": "a list in square brackets",
-    "object": "a table",
-    "null": "nothing",
-    "date": "a date alone",
-    "datetime": "a date and time with its offset from UTC",
-}
-"""Type names of msgspec and of this module's messages."""
 FURTHER: Final = {"implement": "further_implements", "lidar": "further_lidars"}
 """Tables of which there may be several, and where a session keeps the others than the first."""
 MAX_IMPLEMENTS: Final = 3
@@ -216,7 +205,7 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
     try:
         session = msgspec.convert(data, Session)
     except msgspec.ValidationError as error:
-        raise _conversion_error(str(error), name) from None
+        raise _conversion_error(data, name, str(error)) from None
     fault = next(_faults(session), None)
     if fault is not None:
         raise InputError("session-value.check-values", name=name, fault=fault)
@@ -230,22 +219,16 @@ def _tables() -> dict[str, type[msgspec.Struct]]:
     return {name: kind for name, alternatives in kinds for kind in alternatives if is_struct_type(kind)}
 
 
-def _conversion_error(message: str, name: str) -> InputError:
-    """Convert an error of msgspec about a missing key or a wrong type."""
-    reason, _, path = message.partition(" - at `$.")
-    path = path.rstrip("`")
+def _conversion_error(data: dict[str, Any], name: str, otherwise: str) -> InputError:
+    """The error of the first key that is missing or has a value of a wrong type; `otherwise` is what msgspec says."""
+    found = next(value_faults(type_info(Session), data), None)
+    path = found.path if found is not None else ""
     for table, further in FURTHER.items():
         path = re.sub(rf"^{further}\[[^]]*\]", table, path)
-    missing = re.fullmatch(r"Object missing required field `(.+)`", reason)
-    if missing is not None:
-        path = f"{path}.{missing[1]}" if path else missing[1]
     key = re.sub(r"\[.*", "", path)
-    if missing is not None:
-        what = f"table [{key}] is missing" if key in _tables() else f"key `{key}` is missing"
-    else:
-        what = f"table [{key}]" if key in _tables() else f"key `{path}`"
-        what += f" {_type_fault(reason, _choices(key))}"
     table, _, last = key.rpartition(".")
+    subject = f"table [{key}]" if key in _tables() else f"key `{key if found and not found.fault else path}`"
+    what = f"{subject} {found.fault or 'is missing'}" if found is not None else otherwise
     return InputError(
         "session-value",
         name=name,
@@ -257,34 +240,6 @@ def _conversion_error(message: str, name: str) -> InputError:
         key=key,
         table=table or None,
     )
-
-
-def _choices(key: str) -> list[str]:
-    """The texts that a key allows, where it allows no others."""
-    table, _, name = key.rpartition(".")
-    fields = msgspec.structs.fields(_tables().get(table, Session))
-    kinds = (kind for field in fields if field.name == name for kind in (field.type, *get_args(field.type)))
-    return [text for kind in kinds if get_origin(kind) is Literal for text in get_args(kind)]
-
-
-def _type_fault(message: str, choices: list[str]) -> str:
-    """What is wrong with a value, from the message of msgspec and what the key allows."""
-    kinds = re.fullmatch(r"Expected `(.+?)(?: \| null)?`, got `(.+)`", message)
-    if kinds is not None:
-        wanted, got = (_TYPE_WORDS.get(kind, kind) for kind in kinds.groups())
-        return f"must be {wanted}, not {got}"
-    counts = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", message)
-    if counts is not None:
-        return f"must be a list of {counts[1]} numbers, but has {counts[2]}"
-    limit = re.fullmatch(r"Expected `\w+` (.+)", message)
-    if limit is not None and "timezone" not in limit[1]:
-        return f"must be {limit[1]}"
-    choice = re.fullmatch(r"Invalid enum value (.+)", message)
-    if choice is not None:
-        return f"must be {' or '.join(map(repr, choices))}, not {choice[1]}"
-    if "datetime" in message:
-        return f"must be {_TYPE_WORDS['datetime']}"
-    return f"is invalid ({message})"
 
 
 def _faults(session: Session) -> Iterator[str]:

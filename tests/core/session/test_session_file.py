@@ -134,7 +134,7 @@ def test_keys__one_like_no_other_is_refused_with_all_that_are_known() -> None:
         (
             ("[crs]", '[implement]\nwidth_m = 1\nxy_m = [0, 0]\nstates_use = "no"\n[crs]'),
             "session-value",
-            "implement.states_use` must be 'replace' or 'check', not 'no'",
+            "implement.states_use` must be 'check' or 'replace', not 'no'",
         ),
         (("[crs]", "[antenna]\nxyz_m = [0, 0]\n[crs]"), "session-value", "antenna.xyz_m"),
         (("[crs]", "[antenna]\nxyz_m = [0, nan, 0]\n[crs]"), "session-value", "antenna.xyz_m"),
