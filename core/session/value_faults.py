@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from msgspec import inspect as types
 
-_WANTED: Final[Mapping[type[types.Type], tuple[tuple[type, ...], str]]] = {
+_WANTED_VALUES: Final[Mapping[type[types.Type], tuple[tuple[type, ...], str]]] = {
     types.StrType: ((str,), "text in double quotes"),
     types.IntType: ((int,), "a whole number"),
     types.FloatType: ((float, int), "a number"),
@@ -31,7 +31,7 @@ _THERE: Final = (
 )
 """How a message names a value that is there; the first type that it has counts."""
 _MOMENT: Final = "a date and time with its offset from UTC"
-_LIMITS: Final[Sequence[tuple[str, str, Callable[[float, float], bool]]]] = (
+_NUMBER_BOUNDS: Final[Sequence[tuple[str, str, Callable[[float, float], bool]]]] = (
     ("ge", ">=", operator.ge),
     ("gt", ">", operator.gt),
     ("le", "<=", operator.le),
@@ -63,7 +63,7 @@ def value_faults(kind: types.Type, value: Any, path: str = "") -> Iterator[Value
     if isinstance(kind, types.DateTimeType):
         yield from _moment_fault(value, path)
         return
-    classes, words = _WANTED[type(kind)]
+    classes, words = _WANTED_VALUES[type(kind)]
     fits = isinstance(value, classes) and (bool in classes or not isinstance(value, bool))
     if not fits:
         yield ValueFault(path, f"must be {words}, not {_named(value)}")
@@ -82,7 +82,7 @@ def value_faults(kind: types.Type, value: Any, path: str = "") -> Iterator[Value
         for number, (item_kind, item) in enumerate(zip(kind.item_types, value, strict=True)):
             yield from value_faults(item_kind, item, f"{path}[{number}]")
     elif isinstance(kind, types.IntType | types.FloatType):
-        for name, sign, holds in _LIMITS:
+        for name, sign, holds in _NUMBER_BOUNDS:
             limit = getattr(kind, name)
             if limit is not None and not holds(value, limit):
                 yield ValueFault(path, f"must be {sign} {limit}")
