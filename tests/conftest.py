@@ -50,6 +50,8 @@ SLOW_FOLDERS = (
 SLOW_FILES = (
     "end_to_end",
     "foreign_drivers",
+    "from_inertial",
+    "imu_check",
     "lies",
     "nasty_polygons",
     "packaging",
@@ -57,7 +59,8 @@ SLOW_FILES = (
     "two_scanners",
     "two_tools",
 )
-"""Ends of the names of files that simulate and run recordings, build wheels, or read thousands of files."""
+"""Ends of the names of files that simulate and run recordings, solve many flights, build wheels, or read thousands of
+files."""
 
 
 def pytest_collection() -> None:
