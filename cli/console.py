@@ -4,7 +4,7 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,7 +14,7 @@ import click
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.core.runtime.errors import FurrowmapError, Notice, printable
 from furrowmap.core.runtime.languages.catalogue import translated
-from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.progress import Progress, Step
 from furrowmap.core.runtime.settings import language_of_user
 
 log = logging.getLogger("furrowmap.cli")
@@ -79,13 +79,16 @@ class Console:
         return reporting_compilation(self.say, context.find_root().invoked_subcommand if context else None)
 
     @contextmanager
-    def work(self, *, passing: bool = False) -> Iterator[Progress]:
-        """Show progress on a terminal: bars with stage, share and remaining time, removed at the end if `passing`."""
+    def work(self, *, passing: bool = False, steps: Sequence[Step] = ()) -> Iterator[Progress]:
+        """Show progress on a terminal: bars with stage, share and remaining time, removed at the end if `passing`.
+
+        Steps that are known ahead are listed, and have one bar.
+        """
         with self.reporting_compilation():
             if self.quiet or self.verbose or not sys.stderr.isatty():
                 yield _stages_to_log()
             else:
-                bar = _Bar(passing=passing)
+                bar = _WholeBar(steps) if steps else _Bar(passing=passing)
                 try:
                     yield bar.show
                     bar.end()
@@ -143,8 +146,69 @@ class _Bar:
         passed_s = time.monotonic() - begun_s
         seconds = round(passed_s * (100 - percent) / percent if 0 < percent < 100 else passed_s)
         clock = f"{seconds // 60}:{seconds % 60:02}" if percent else "-:--"
-        drawn = "#" * (BAR_WIDTH * percent // 100)
-        click.echo(f"{CLEARED_LINE}{stage} [{drawn:.<{BAR_WIDTH}}] {percent:3} % {clock}", nl=False, err=True)
+        _draw_bar(stage, percent, clock)
+
+
+class _WholeBar:
+    """One bar for steps that are known ahead, which it lists: the step that runs, the share of all, the time left."""
+
+    def __init__(self, steps: Sequence[Step]) -> None:
+        self._steps = {step.name: step for step in steps}
+        self._done = dict.fromkeys(self._steps, 0.0)
+        self._begun_s = time.monotonic()
+        self._stage = ""
+        self._percent = 0
+        names = ", ".join(_step_words(step.name) for step in steps)
+        click.echo(f"{translated('steps:', language_of_user())} {names}", err=True)
+
+    def show(self, stage: str, share: float) -> None:
+        """Take the progress of a stage, and draw that of all steps."""
+        INTERRUPTION.check()
+        if stage != self._stage:
+            log.info(stage)
+        if stage in self._steps:
+            self._finish_before(self._steps[stage])
+            self._done[stage] = max(self._done[stage], min(share, 1.0))
+        whole = sum(step.usual for step in self._steps.values())
+        done = sum(self._done[step.name] * step.usual for step in self._steps.values())
+        percent = max(self._percent, min(int(100.0 * done / whole), 99))
+        if (stage, percent) != (self._stage, self._percent):
+            self._stage = stage
+            self._percent = percent
+            self._draw()
+
+    def end(self) -> None:
+        """Draw all steps as finished."""
+        self._percent = 100
+        self._draw()
+        self.leave()
+
+    def leave(self) -> None:
+        """Leave the bar as it is."""
+        click.echo(err=True)
+
+    def _finish_before(self, begun: Step) -> None:
+        """A step that begins ends those before it, but for those beside it."""
+        for step in self._steps.values():
+            if step is begun:
+                return
+            if not (step.beside and begun.beside):
+                self._done[step.name] = 1.0
+
+    def _draw(self) -> None:
+        percent = self._percent
+        passed_s = time.monotonic() - self._begun_s
+        seconds = round(passed_s * (100 - percent) / percent if 0 < percent < 100 else passed_s)
+        _draw_bar(_step_words(self._stage), percent, f"{seconds // 60}:{seconds % 60:02}" if percent else "-:--")
+
+
+def _step_words(step: str) -> str:
+    return translated(step, language_of_user(), "run-words")
+
+
+def _draw_bar(stage: str, percent: int, clock: str) -> None:
+    drawn = "#" * (BAR_WIDTH * percent // 100)
+    click.echo(f"{CLEARED_LINE}{stage} [{drawn:.<{BAR_WIDTH}}] {percent:3} % {clock}", nl=False, err=True)
 
 
 def put_json(value: object) -> None:

@@ -10,6 +10,7 @@ from furrowmap.cli.options import FILE, command, flag, option, output
 from furrowmap.cli.tables import figures, table, written
 from furrowmap.core.runtime.errors import RefusedError, printable
 from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.settings import language_of_user
 
 
 @command("Process a session: point cloud, surfaces, worked ground, report.", "furrowmap run session.toml -o result")
@@ -56,7 +57,11 @@ def run(
     """
     if (session / "session.toml").is_file():
         session /= "session.toml"
-    with console.work() as progress:
+    # They import numpy, which --help must not wait for.
+    from furrowmap.exporters.reports.run_words import run_words
+    from furrowmap.workflows.run.steps import planned_steps
+
+    with console.work(steps=() if preview else planned_steps(session)) as progress:
         if preview:
             folder = output or resolved(session).parent / f"{session.stem}_preview"
             report = furrowmap.preview(session, folder, within=within, progress=progress)
@@ -65,7 +70,11 @@ def run(
             folder = result.path
             report = result.report
     console.warn_of(report)
-    console.answer({"folder": folder, **report}, f"{table(figures(report['figures']))}\n{written(report, folder)}")
+    if preview:
+        words = f"{table(figures(report['figures']))}\n{written(report, folder)}"
+    else:
+        words = run_words(report, folder, language_of_user())
+    console.answer({"folder": folder, **report}, words)
     if strict and report.get("verdict", {}).get("text"):
         put_error(RefusedError("contradiction", folder=printable(str(folder))))
         click.get_current_context().exit(RefusedError.exit_status)

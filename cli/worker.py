@@ -24,7 +24,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -37,7 +37,7 @@ from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.cli.main import asked_language, attempt
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
-from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.progress import Progress, Step
 from furrowmap.core.runtime.settings import using
 from furrowmap.process import prepare_process
 
@@ -112,7 +112,12 @@ class WorkerConsole(Console):
         self.send("warning", code=code, text=text)
 
     @contextmanager
-    def work(self, *, passing: bool = False) -> Iterator[Progress]:  # noqa: ARG002 (there is no progress bar)
+    def work(
+        self,
+        *,
+        passing: bool = False,  # noqa: ARG002 (there is no progress bar)
+        steps: Sequence[Step] = (),  # noqa: ARG002
+    ) -> Iterator[Progress]:
         """Send the progress of long work."""
         with self.reporting_compilation():
             yield _throttled(self.send)

@@ -1,6 +1,16 @@
 """Progress of long work."""
 
+from dataclasses import dataclass
 from typing import Protocol
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of long work, and its usual share of the time, in any unit; `beside`: others run at the same time."""
+
+    name: str
+    usual: float
+    beside: bool = False
 
 
 class Progress(Protocol):
