@@ -118,7 +118,7 @@ def test_run__writes_the_products_beside_the_session(session: Path, capsys: pyte
     ]
     lines = {" ".join(line.split()) for line in out.splitlines()}
     assert {"cloud 73,486 points", f"Open {folder / 'report.html'}"} <= lines
-    assert "warning: The session does not state where the antenna is and how the scanner is mounted" in err
+    assert "warning: The session does not state the mounting of the scanner" in err
     with laspy.open(folder / "cloud.copc.laz") as cloud:
         assert cloud.header.point_count == POINTS
     assert pyogrio.read_info(folder / "field.gpkg", layer="trajectory")["features"] == 5
