@@ -58,8 +58,8 @@ def run(
     if (session / "session.toml").is_file():
         session /= "session.toml"
     # They import numpy, which --help must not wait for.
-    from furrowmap.exporters.reports.run_words import run_words
     from furrowmap.workflows.run.steps import planned_steps
+    from furrowmap.workflows.run.words import run_words
 
     with console.work(steps=() if preview else planned_steps(session)) as progress:
         if preview:

@@ -9,9 +9,9 @@ from typing import Any, Final
 import pytest
 
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
-from furrowmap.exporters.reports.run_words import run_words
+from furrowmap.workflows.run.words import run_words
 
-RUNS: Final = Path(__file__).with_name("runs")
+RUNS: Final = Path(__file__).with_name("last_lines")
 NAMES: Final = ("drive", "contradicted-drive", "flight-with-parcels", "no-implement", "no-mounting", "log-alone")
 
 
