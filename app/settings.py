@@ -21,12 +21,22 @@ if TYPE_CHECKING:
 
     from furrowmap.core.accuracy.cloud_at_points import Targets
     from furrowmap.core.crops.measure import Method
+    from furrowmap.core.crops.response_models import ModelName
     from furrowmap.core.pointclouds.surfaces import GroundMethod
     from furrowmap.core.readers.las.cloud import Box
     from furrowmap.core.surfaces.outliers import Outliers
     from furrowmap.core.surfaces.statistic import Statistic
     from furrowmap.exporters.farm.traffic import Wheels
 
+_RESPONSE_MODELS: Final = (
+    "auto",
+    "linear",
+    "quadratic",
+    "quadratic-plateau",
+    "linear-plateau",
+    "mitscherlich",
+    "logistic",
+)
 _GROUND_METHODS: Final = ("auto", "class", "smrf", "csf")
 
 _bbox = partial(setting, "--bbox", "W,S,E,N", label="Extent")
@@ -293,12 +303,45 @@ class ResponseSettings:
     Attributes:
         measure: Column of the response [default: mean_height_m].
         dose: Column of the dose [default: the first with a name such as n_kg_ha].
+        model: Shape of the response; auto compares all and averages over them by weight.
+        dose_price: Price of a unit of the dose, such as a kilogram of nitrogen, for the economic optimum.
+        measure_price: Price of a unit of the measure, such as a tonne of grain per hectare.
+        price_ratio: The first price over the second, instead of both.
+        without_blocks: Leave out the effects of blocks.
+        factors: Column of another factor beside the dose.
+        covariate: Column of a covariate, such as the yield of the year before.
+        sites: Column that tells sites or years apart, which are then evaluated together and each alone.
         days: Day of the flight, once for each TABLE.
+
+    Raises:
+        UsageError: if only one of two prices is stated, or a ratio beside them.
     """
 
     measure: str | None = setting("--measure", "COLUMN", label="Column of the measure")
     dose: str | None = setting("--dose", "COLUMN", label="Column of the dose")
+    model: ModelName | Literal["auto"] = setting(
+        "--model", default="auto", choices=_RESPONSE_MODELS, label="Shape of the response"
+    )
+    dose_price: float | None = setting("--dose-price", "PRICE", minimum=0.0, label="Price of a unit of the dose")
+    measure_price: float | None = setting("--measure-price", "PRICE", above=0.0, label="Price of a unit of the measure")
+    price_ratio: float | None = setting("--price-ratio", "RATIO", minimum=0.0, label="Ratio of these prices")
+    without_blocks: bool = setting("--without-blocks", default=False, label="Leave out the effects of blocks")
+    factors: tuple[str, ...] | None = setting("--factor", "COLUMN", multiple=True, label="Columns of other factors")
+    covariate: str | None = setting("--covariate", "COLUMN", label="Column of a covariate")
+    sites: tuple[str, ...] | None = setting("--site", "COLUMN", multiple=True, label="Columns of sites and years")
     days: tuple[str, ...] | None = setting("--day", "DATE", multiple=True, label="Days of the flights")
+
+    def __post_init__(self) -> None:
+        both = (self.dose_price is None, self.measure_price is None)
+        if both[0] != both[1] or (self.price_ratio is not None and not all(both)):
+            raise UsageError("usage.response-prices")
+
+    @property
+    def ratio(self) -> float | None:
+        """Of the prices; None without them."""
+        if self.dose_price is None or self.measure_price is None:
+            return self.price_ratio
+        return self.dose_price / self.measure_price
 
 
 @dataclass(frozen=True)

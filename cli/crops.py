@@ -8,7 +8,7 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, Paths, command, files, numbers, option, output, overwrite, settings_options
-from furrowmap.cli.tables import parcel_table, surveyed, table, written
+from furrowmap.cli.tables import aligned, parcel_table, surveyed, table, written
 from furrowmap.core.runtime.errors import UsageError, printable
 from furrowmap.core.values.margins import with_margin
 from furrowmap.core.values.plot_grid import PlotGrid
@@ -176,6 +176,7 @@ def canopy(console: Console, clouds: Paths, output: Path, settings: CanopySettin
 @command(
     "Analyse the response of a trial to its treatments.",
     "furrowmap response result/parcels.csv --treatments treatments.csv -o trial",
+    "furrowmap response yields.csv --measure yield_t_ha --dose-price 0.6 --measure-price 110 -o trial",
 )
 @files("tables", "TABLE...")
 @output("DIR", "Output folder.", "Output folder", required=True)
@@ -193,9 +194,9 @@ def response(
 ) -> None:
     """Analyse figures of parcels by treatment. TABLE is the parcels.csv of a run, or any CSV or spreadsheet like it.
 
-    Writes response.json, the table of parcels (trial.csv, trial.xlsx) and charts (SVG): the logistic response to the
-    dose with its 95 % band and the rate beyond which nothing is gained, means by treatment and block, and, with
-    several tables, growth.
+    Writes response.json, the table of parcels (trial.csv, trial.xlsx) and charts (SVG). They show the response to the
+    dose by six shapes, the dose that pays and the one beyond which nothing is gained with their 95 % intervals,
+    residuals, the analysis of variance, means by treatment and block, and, with several tables, growth.
     """
     account = furrowmap.response(tables, treatments, output, settings, overwrite=overwrite)
     console.warn_of(account)
@@ -205,21 +206,48 @@ def response(
 def _response_words(account: dict[str, Any], output: Path) -> str:
     lines = []
     for flight in account["flights"]:
-        curve = flight["curve"]
-        rows = [("", printable(flight["words"]))]
-        if curve is not None:
-            rows += [(name, _interval(curve[name])) for name in ("lower", "rise", "gradient", "midpoint", "plateau")]
-        variance = flight["variance"]
-        if variance is not None:
-            rows += [
-                (f"F of {row['source']}", f"{row['f']:.2f} (p = {row['p']:.2g}, {row['freedom']} degrees of freedom)")
-                for row in variance["rows"]
-                if row["f"] is not None
-            ]
-        lines += [f"{flight['parcels']} parcels{', ' + flight['day'] if flight['day'] else ''}", table(rows)]
+        lines += [f"{flight['parcels']} parcels{', ' + flight['day'] if flight['day'] else ''}"]
+        lines += [f"  {printable(sentence)}" for sentence in flight["sentences"]]
+        shapes = [("shape", "weight", "R²", "lack of fit", "optimum (95 %)")]
+        for each in flight.get("models", ()):
+            lack = f"p = {each['lack_of_fit_p']:.2g}" if each["lack_of_fit_p"] is not None else ""
+            optimum = _interval(each["economic"] or each["agronomic"])
+            shapes.append((each["name"], f"{100 * each['weight']:.0f} %", f"{each['r2']:.3f}", lack, optimum))
+        if len(shapes) > 1:
+            lines.append(aligned(shapes, 1))
+        lines += [
+            f"  {printable(part['label'])}: {printable(' '.join(part['sentences']))}"
+            for part in flight.get("parts", ())
+        ]
+        lines += _variance_words(flight["variance"])
     return "\n".join([*lines, f"Written to {printable(str(output))}: {', '.join(account['products'])}"])
 
 
-def _interval(value: dict[str, float | None]) -> str:
-    ends = [f"{end:.4g}" if end is not None else "open" for end in (value["low"], value["high"])]
-    return f"{value['value']:.4g} (95 %: {ends[0]} to {ends[1]})"
+def _variance_words(variance: dict[str, Any] | None) -> list[str]:
+    if variance is None:
+        return []
+    rows = [
+        (
+            f"F of {printable(row['source'])}",
+            f"{row['f']:.2f} (p = {row['p']:.2g}, {row['freedom']} degrees of freedom)",
+        )
+        for row in variance["rows"]
+        if row["f"] is not None
+    ]
+    means = [("mean of", "", "95 %", "letters")]
+    means += [
+        (
+            printable(each["treatment"]),
+            f"{each['mean']:.4g}",
+            f"{each['low']:.4g} to {each['high']:.4g}",
+            each["letters"],
+        )
+        for each in variance["means"]
+    ]
+    return [table(rows), aligned(means, 1)]
+
+
+def _interval(value: dict[str, Any]) -> str:
+    low = "" if value["low_open"] else f"{value['low']:.0f}"
+    high = "above" if value["high_open"] else f"{value['high']:.0f}"
+    return f"{value['value']:.0f} ({low} to {high})" if low else f"{value['value']:.0f} (to {high})"

@@ -25,7 +25,7 @@ Decorator = Callable[[Command], Command]
 FILE: Final = click.Path(path_type=Path)
 """A path as typed. Readers and writers check it, so that their errors have three parts."""
 VALUE_TYPES: Final[Mapping[str, click.ParamType[Any] | type]] = {
-    **dict.fromkeys(("METRES", "M", "SECONDS", "DEGREES"), float),
+    **dict.fromkeys(("METRES", "M", "SECONDS", "DEGREES", "PRICE", "RATIO"), float),
     **dict.fromkeys(("N", "YEAR"), int),
     **dict.fromkeys(("FILE", "DIR", "FOLDER", "POLYGONS", "SESSION", "TARGET", "OUT.copc.laz"), FILE),
     "DAY": click.DateTime(["%Y-%m-%d"]),

@@ -27,6 +27,7 @@ from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels  # noqa
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints  # noqa: E402
 from furrowmap.core.crops.parcels import read_parcels  # noqa: E402
 from furrowmap.core.crops.response import fit_response  # noqa: E402
+from furrowmap.core.crops.response_values import ResponseQuestion  # noqa: E402
 from furrowmap.core.crops.site_soil import site_soil  # noqa: E402
 from furrowmap.core.values.parcel import Parcel  # noqa: E402
 from furrowmap.core.values.scan import PointClass  # noqa: E402
@@ -89,7 +90,7 @@ def draw_clouds(clouds: dict[str, FloatArray], file: Path) -> None:
 def draw_response(rows: list[MeasuredParcel], doses: FloatArray, blocks: list[str], file: Path) -> str:
     """Figure 10: mean height over nitrogen, with the logistic curve and its band; what it says."""
     height = np.array([row.figures.mean_height_m for row in rows])
-    found = fit_response(doses, height, blocks, "kg/ha")
+    found = fit_response(doses, height, blocks, ResponseQuestion(unit="kg/ha"))
     points = ParcelValues(height, blocks, "mean height (m)", "block")
     file.write_text(standalone(response_chart(doses, points, found, "nitrogen (kg/ha)")), encoding="utf-8")
     return found.words

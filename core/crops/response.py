@@ -1,451 +1,331 @@
-"""Doses of parcels, the response curve of a trial, and analysis of variance by treatment and block."""
+"""The response of a quantity to a dose: shapes compared, optima with intervals, and what the trial cannot show.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+Intervals are averaged over the shapes (model-averaged tail areas; Turek and Fletcher 2012, Comput. Stat. Data Anal.
+56:2809-2815), since those of the one chosen are too short: the same data chose it. So did they make the weights: tail
+areas are averaged by the square roots of these, without which 93 instead of 95 % of the intervals hold the truth.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.parcel import Parcel
+from furrowmap.core.crops.permuted_response import p_of_no_response
+from furrowmap.core.crops.response_models import MODEL_NAMES, ModelName
+from furrowmap.core.crops.response_profile import DOSE_STEPS, VALUE_STEPS, Observations, ProfiledModel, fit_model
+from furrowmap.core.crops.response_values import Estimate, FittedModel, Gain, Response, ResponseQuestion
+from furrowmap.core.crops.response_words import MAX_P, response_words
+from furrowmap.core.runtime.arrays import BoolArray, FloatArray, IntArray
 
-IntArray = NDArray[np.intp]
-
-NODES: Final = 90
-"""Nodes of each axis of the grid while it is narrowed."""
-FINE_NODES: Final = 240
-"""The same of the last grid: the interval misses less than its 200th part."""
-MAX_GRADIENT: Final = 20.0
-"""Gradient times the least distance of two doses: steeper curves are steps between these."""
-MIN_GRADIENT: Final = 0.3
-"""Gradient times the range of doses: flatter curves are straight lines within it."""
-BEYOND: Final = 1.5
-"""The midpoint is searched up to this many ranges beyond the least and the highest dose."""
-PLATEAU: Final = 0.95
-"""Share of the rise beyond which nothing is said to be gained."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value with its 95 % interval; an end that the data leave open is infinite."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Logistic:
-    """A logistic curve through n observations.
-
-    Attributes:
-        lower: asymptote towards low doses (mean of the blocks).
-        rise: upper asymptote minus lower; negative where doses lower the crop.
-        gradient: per unit of the dose.
-        midpoint: dose at half the rise.
-        plateau: dose at PLATEAU of the rise: beyond it nothing is gained.
-        sigma, freedom: standard deviation and degrees of freedom of the residuals.
-        r2: share of the variance within blocks that the curve explains.
-        offsets: of each block, in the order of their labels; their mean is 0.
-        dose: (m,) abscissae of the band, from the least dose to the highest.
-        fitted, band_low, band_high: (m,) the curve and its pointwise 95 % confidence band.
-    """
-
-    lower: Estimate
-    rise: Estimate
-    gradient: Estimate
-    midpoint: Estimate
-    plateau: Estimate
-    sigma: float
-    freedom: int
-    r2: float
-    offsets: FloatArray
-    dose: FloatArray
-    fitted: FloatArray
-    band_low: FloatArray
-    band_high: FloatArray
-
-
-@dataclass(frozen=True)
-class Observations:
-    """Sums of observations (b, d) by block and dose (d,), ascending, which is all that the fit needs."""
-
-    doses: FloatArray
-    count: FloatArray
-    total: FloatArray
-    squares: float
-
-    @classmethod
-    def sum_up(cls, dose: FloatArray, height: FloatArray, block: IntArray) -> "Observations":
-        """The sums of observations (n,), with blocks numbered from 0 without gaps."""
-        doses, index = np.unique(dose, return_inverse=True)
-        shape = (int(block.max(initial=0)) + 1, len(doses))
-        count = np.zeros(shape)
-        total = np.zeros(shape)
-        np.add.at(count, (block, index), 1.0)
-        np.add.at(total, (block, index), height)
-        means = total.sum(axis=1) / count.sum(axis=1)
-        return cls(doses, count, total, float(((height - means[block]) ** 2).sum()))
-
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom of the residuals of a curve with an offset for each block."""
-        return int(self.count.sum()) - len(self.count) - 3
-
-
-@dataclass(frozen=True)
-class _Nodes:
-    """Least squares at nodes (k,) of gradient and midpoint."""
-
-    gradient: FloatArray
-    midpoint: FloatArray
-    sum_squares: FloatArray  # of the residuals
-    rise: FloatArray
-    precision: FloatArray  # sum of squares of the curve of unit rise about the means of its blocks
-    mean: FloatArray  # of that curve over the blocks
-    lower: FloatArray
-
-
-def fit_logistic(dose: FloatArray, height: FloatArray, block: IntArray) -> Logistic:
-    """The curve by least squares through heights (n,) over doses (n,), with 95 % intervals.
-
-    `block` (n,) is the number of its block, from 0 without gaps. Raises ValueError if there are fewer than four
-    distinct doses, or fewer observations than parameters plus one.
-    """
-    seen = Observations.sum_up(dose, height, block)
-    if len(seen.doses) < 4 or seen.freedom < 1:
-        raise ValueError("a logistic curve needs four doses, and more observations than parameters")
-    t = float(special.stdtrit(seen.freedom, 0.975))
-    outer = _outer(seen.doses)
-    box, limit = _narrowed(seen, outer, 1.0 + t * t / seen.freedom)
-    kept, spread = _inside(_fit_nodes(seen, box, FINE_NODES), limit)
-    at = int(np.argmin(kept.sum_squares))
-    # whether nodes lie on the border of what the doses can show
-    place = np.array([np.log(kept.gradient), kept.midpoint])
-    near = 1e-6 * np.diff(outer, axis=1)
-    edge = np.any((place < outer[:, :1] + near) | (place > outer[:, 1:] - near), axis=0)
-    weights = 1.0 / seen.count.sum(axis=1)
-    one = float(weights.sum()) / len(weights) ** 2
-    none = np.zeros(len(spread))
-    reach = kept.midpoint + np.log(PLATEAU / (1.0 - PLATEAU)) / kept.gradient
-    block_means = (seen.total * weights[:, None]).sum(axis=1)
-    unit_means = seen.count @ special.expit(kept.gradient[at] * (seen.doses - kept.midpoint[at])) * weights
-    x = np.linspace(seen.doses[0], seen.doses[-1], 61)
-    best = kept.lower[at] + kept.rise[at] * special.expit(kept.gradient[at] * (x - kept.midpoint[at]))
-    nodes, room = _inside(_fit_nodes(seen, box, NODES), limit)
-    curve = special.expit(nodes.gradient[:, None] * (x - nodes.midpoint[:, None]))
-    width = room[:, None] * np.sqrt(one + (nodes.mean[:, None] - curve) ** 2 / nodes.precision[:, None])
-    curve = nodes.lower[:, None] + nodes.rise[:, None] * curve
-    least = float(kept.sum_squares[at])
-    return Logistic(
-        lower=_estimate(kept.lower, spread * np.sqrt(one + kept.mean**2 / kept.precision), at, edge),
-        rise=_estimate(kept.rise, spread / np.sqrt(kept.precision), at, edge),
-        gradient=_estimate(kept.gradient, none, at, edge, least=0.0),
-        midpoint=_estimate(kept.midpoint, none, at, edge),
-        plateau=_estimate(reach, none, at, edge),
-        sigma=float(np.sqrt(least / seen.freedom)),
-        freedom=seen.freedom,
-        r2=1.0 - least / seen.squares if seen.squares > 0.0 else 0.0,
-        offsets=block_means - kept.rise[at] * unit_means - kept.lower[at],
-        dose=x,
-        fitted=best,
-        band_low=np.minimum((curve - width).min(axis=0), best),
-        band_high=np.maximum((curve + width).max(axis=0), best),
-    )
-
-
-def _inside(nodes: _Nodes, limit: float) -> tuple[_Nodes, FloatArray]:
-    """The nodes up to a sum of squares, at least the best one, and the roots of what each is below it."""
-    inside = nodes.sum_squares <= limit
-    inside[np.argmin(nodes.sum_squares)] = True
-    kept = _Nodes(*(getattr(nodes, name)[inside] for name in _Nodes.__dataclass_fields__))
-    return kept, np.sqrt(np.maximum(limit - kept.sum_squares, 0.0))
-
-
-def p_of_no_response(dose: FloatArray, height: FloatArray, block: IntArray, trials: int) -> float:
-    """Probability of as good a curve where doses have no effect: heights are permuted within blocks.
-
-    The distribution of F does not hold here, since without an effect gradient and midpoint have no meaning (Davies
-    1987, Biometrika 74:33-43); permutation does. The random numbers are the same every time.
-    """
-    rng = np.random.default_rng(20170523)
-    gradient, midpoint = _nodes(_outer(np.unique(dose)), 24)
-    unit = special.expit(gradient[:, None] * (dose - midpoint[:, None]))
-    members = [np.flatnonzero(block == k) for k in np.unique(block)]
-    centred = height.astype(np.float64)
-    for rows in members:
-        unit[:, rows] -= unit[:, rows].mean(axis=1, keepdims=True)
-        centred[rows] -= centred[rows].mean()
-    length = np.sqrt((unit**2).sum(axis=1))
-    unit = unit[length > 1e-9] / length[length > 1e-9, None]
-    shuffled = np.tile(centred[:, None], (1, trials + 1))
-    for rows in members:
-        order = np.argsort(rng.random((len(rows), trials)), axis=0)
-        shuffled[rows, 1:] = centred[rows][order]
-    explained = (np.abs(unit @ shuffled)).max(axis=0)
-    return float((explained >= explained[0] * (1.0 - 1e-9)).sum()) / (trials + 1)
-
-
-def _outer(doses: FloatArray) -> FloatArray:
-    """(2, 2) least and greatest logarithm of the gradient, and midpoint, that doses (d,) can show."""
-    span = float(doses[-1] - doses[0])
-    step = float(np.diff(doses).min())
-    gradients = [np.log(MIN_GRADIENT / span), np.log(MAX_GRADIENT / step)]
-    return np.array([gradients, [doses[0] - BEYOND * span, doses[-1] + BEYOND * span]])
-
-
-def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[FloatArray, float]:
-    """The box (2, 2) around the region of `factor` times the least sum of squares, a node at least, and that limit."""
-    box = outer
-    least = np.inf
-    for _ in range(12):
-        nodes = _fit_nodes(seen, box, NODES)
-        least = min(least, float(nodes.sum_squares.min()))
-        inside = (nodes.sum_squares <= least * factor).reshape(NODES, NODES)
-        inside.flat[np.argmin(nodes.sum_squares)] = True
-        ends = [np.flatnonzero(inside.any(axis=1 - axis))[[0, -1]] for axis in (0, 1)]
-        width = np.diff(box, axis=1)[:, 0]
-        step = width / (NODES - 1)
-        first, last = np.array(ends).T
-        low = np.where(first == 0, box[:, 0] - 0.5 * width, box[:, 0] + (first - 2) * step)
-        high = np.where(last == NODES - 1, box[:, 1] + 0.5 * width, box[:, 0] + (last + 2) * step)
-        around = np.clip(np.column_stack([low, high]), outer[:, :1], outer[:, 1:])
-        ratio = np.diff(around, axis=1)[:, 0] / width
-        if ((ratio > 0.8) & (ratio <= 1.0)).all():
-            break
-        box = around
-    return box, least * factor
-
-
-def _nodes(box: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
-    """Gradient and midpoint of the nodes of a grid in a box."""
-    flattest, steepest, first, last = (float(end) for end in box.ravel())
-    axes = np.exp(np.linspace(flattest, steepest, number)), np.linspace(first, last, number)
-    gradient, midpoint = np.meshgrid(*axes, indexing="ij")
-    return gradient.ravel(), midpoint.ravel()
-
-
-def _fit_nodes(seen: Observations, box: FloatArray, number: int) -> _Nodes:
-    gradient, midpoint = _nodes(box, number)
-    unit = special.expit(gradient[:, None] * (seen.doses - midpoint[:, None]))
-    per_block = seen.count.sum(axis=1)
-    means = unit @ (seen.count.T / per_block)
-    block_means = seen.total.sum(axis=1) / per_block
-    precision = (unit**2) @ seen.count.sum(axis=0) - (means**2) @ per_block
-    precision = np.maximum(precision, 1e-12 * per_block.sum())
-    product = unit @ seen.total.sum(axis=0) - means @ (per_block * block_means)
-    rise = product / precision
-    mean = means.mean(axis=1)
-    return _Nodes(
-        gradient=gradient,
-        midpoint=midpoint,
-        sum_squares=np.maximum(seen.squares - product * rise, 0.0),
-        rise=rise,
-        precision=precision,
-        mean=mean,
-        lower=block_means.mean() - rise * mean,
-    )
-
-
-def _estimate(value: FloatArray, half: FloatArray, at: int, edge: NDArray[Any], least: float = -np.inf) -> Estimate:
-    """The value at a node, and the extremes of value ± half over all nodes; open where a border has them."""
-    low = value - half
-    high = value + half
-    first = int(np.argmin(low))
-    last = int(np.argmax(high))
-    return Estimate(
-        float(value[at]), least if edge[first] else float(low[first]), np.inf if edge[last] else float(high[last])
-    )
-
-
-MAX_P: Final = 0.05
-"""Significance level of a curve."""
-MIN_DOSES: Final = 4
-DOSE_WORDS: Final = ("n_kg_ha", "dose", "rate", "kg_ha")
-"""What the names of columns with doses contain, the first that is found."""
-_COLUMN_UNITS: Final = {"kg_ha": "kg/ha", "m": "m", "m2": "m²", "m3": "m³"}
-_NUTRIENTS: Final = {"n": "nitrogen", "p": "phosphorus", "k": "potassium"}
-TRIALS: Final = 1999
-"""Permutations: the least probability is 1 in 2000."""
-
-
-def dose_name(parcels: Sequence[Parcel], stated: str | None = None) -> str | None:
-    """The attribute that is the dose: as stated, else the first so named. Raises InputError for no such number."""
-    numbers = dict.fromkeys(
-        name for each in parcels for name, value in each.attributes.items() if isinstance(value, float)
-    )
-    if stated is not None:
-        found = next((name for name in numbers if name.casefold() == stated.casefold()), None)
-        if found is None:
-            raise InputError("dose-unknown", stated=stated, numbers=", ".join(numbers) or "none")
-        return found
-    return next((name for word in DOSE_WORDS for name in numbers if word in name.casefold()), None)
-
-
-def parcel_doses(parcels: Sequence[Parcel], name: str) -> NDArray[np.float64]:
-    """The dose of each parcel (n,); nan where it is not known."""
-    values = [each.attributes.get(name) for each in parcels]
-    return np.array([value if isinstance(value, float) else np.nan for value in values])
-
-
-def dose_unit(name: str | None) -> str:
-    """The unit that a name ends with; "" where it says none."""
-    return "kg/ha" if name is not None and name.casefold().endswith("kg_ha") else ""
-
-
-def column_words(name: str) -> str:
-    """The name of a column for people, with its unit: "nitrogen (kg/ha)" for `n_kg_ha`."""
-    for suffix, unit in _COLUMN_UNITS.items():
-        if name.casefold().endswith(f"_{suffix}"):
-            words = name[: -len(suffix) - 1].replace("_", " ")
-            return f"{_NUTRIENTS.get(words.casefold(), words)} ({unit})"
-    return name.replace("_", " ")
-
-
-@dataclass(frozen=True)
-class Response:
-    """The response of a quantity to a dose.
-
-    Attributes:
-        blocks: labels of the blocks; one without blocks.
-        p: probability of as good a curve where the dose has no effect; None where no curve can be fitted.
-        curve: None where the data hold none.
-        plateau_shown: whether the interval of the rate beyond which nothing is gained ends within the doses.
-        words: what the data show, in a sentence.
-    """
-
-    parcels: int
-    doses: int
-    blocks: tuple[str, ...]
-    p: float | None
-    curve: Logistic | None
-    plateau_shown: bool
-    words: str
+MIN_DOSES: Final = 3
+BAND_STEPS: Final = 61
+GAIN_STEP: Final = 10.0
+"""By how much the dose is raised to say what more of it brings."""
+LIMIT_P: Final = 0.975
+UNSEEN: Final = 0.2
+"""Share of the least step of doses in which the end of an interval is that of the search."""
 
 
 def fit_response(
-    dose: FloatArray, value: FloatArray, block: Sequence[str | None] | None = None, unit: str = ""
+    dose: FloatArray,
+    value: FloatArray,
+    block: Sequence[str | None] | None = None,
+    question: ResponseQuestion = ResponseQuestion(),
+    covariates: FloatArray | None = None,
 ) -> Response:
     """The response of a value (n,) of parcels to their dose (n,); those without either (nan) are left out.
 
-    `block` (n,) are labels; parcels without one are a block of their own.
+    `block` (n,) are labels; parcels without one are a block of their own. `covariates` (n, k) are other effects; a
+    parcel without one of them (nan) is left out.
     """
     known = np.isfinite(dose) & np.isfinite(value)
-    names = np.array(["" if name is None else name for name in (block or [""] * len(dose))], object)[known]
-    labels = tuple(dict.fromkeys(str(name) for name in names))
-    index = np.array([labels.index(str(name)) for name in names], np.intp)
-    dose = dose[known]
-    value = value[known]
-    doses = len(np.unique(dose))
-    p = None
-    curve = None
-    shown = False
-    gap = f" {unit}" if unit else ""
-    if doses >= MIN_DOSES and len(dose) - len(labels) - 3 >= 1:
-        p = p_of_no_response(dose, value, index, TRIALS)
-    if p is None:
-        words = (
-            f"{len(dose)} parcels with {doses} different doses: a logistic curve needs {MIN_DOSES} doses, and more "
-            "parcels than parameters."
+    if covariates is not None:
+        known &= np.isfinite(covariates).all(axis=1)
+    names = [str(name or "") for name, kept in zip(block or [""] * len(dose), known, strict=True) if kept]
+    labels = tuple(dict.fromkeys(names))
+    index = np.array([labels.index(name) for name in names], np.int64)
+    effects = np.eye(len(labels))[index]
+    if covariates is not None and len(index):
+        effects = np.column_stack([effects, covariates[known] - covariates[known].mean(axis=0)])
+    return _Trial(dose[known], value[known], index, effects, known, labels, question).response()
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Observations (n,), their effects beside the dose (n, p), and the rows of the table (all,) that they are."""
+
+    dose: FloatArray
+    value: FloatArray
+    block: IntArray
+    effects: FloatArray
+    known: BoolArray
+    labels: tuple[str, ...]
+    question: ResponseQuestion
+
+    @property
+    def lowest(self) -> float:
+        """Of the doses; nan without any."""
+        return float(self.dose.min()) if len(self.dose) else np.nan
+
+    @property
+    def span(self) -> float:
+        """Of the doses, above zero."""
+        return float(np.ptp(self.dose)) or 1.0 if len(self.dose) else 1.0
+
+    def response(self) -> Response:
+        """What they show."""
+        p = self._p()
+        nothing = np.full(len(self.known), np.nan)
+        none = np.zeros(0)
+        found = Response(
+            parcels=len(self.dose),
+            doses=len(np.unique(self.dose)),
+            lowest=self.lowest,
+            highest=self.lowest + self.span if len(self.dose) else np.nan,
+            blocks=self.labels,
+            p=p,
+            p_straight=None,
+            models=(),
+            agronomic=None,
+            economic=None,
+            best=None,
+            gain=None,
+            gains=(),
+            dose=none,
+            band_low=none,
+            band_high=none,
+            expected=nothing,
+            residual=nothing,
         )
-    elif p > MAX_P:
-        words = (
-            "The data hold no curve: heights without any effect of the dose would give as good a one in "
-            f"{100 * p:.0f} % of trials."
+        if p is not None and p <= MAX_P:
+            found = self._fitted(found)
+        return replace(found, sentences=response_words(found, self.question))
+
+    def _p(self) -> float | None:
+        """Of no response; None where no curve can be fitted."""
+        if len(np.unique(self.dose)) < MIN_DOSES or np.ptp(self.value) == 0.0:
+            return None
+        if len(self.dose) - int(np.linalg.matrix_rank(self.effects)) - 2 < 1:
+            return None
+        return p_of_no_response(self.dose, self.value, self.block, self.effects)
+
+    def _fitted(self, found: Response) -> Response:
+        scaled = (self.dose - self.lowest) / self.span
+        seen = Observations.sum_up(scaled, self.value, self.effects)
+        fits = _fits(seen, self.question.model)
+        if not fits:
+            return found
+        p_straight = _p_straight(fits)
+        weights = _weights(fits, straight_ruled_out=p_straight is not None and p_straight <= MAX_P)
+        order = np.argsort(-weights, kind="stable")
+        fits = [fits[k] for k in order]
+        weights = weights[order]
+        mixed = _Average(fits, weights, self.lowest, self.span)
+        every = _Optima(fits, None, self.lowest, self.span)
+        paying = _Optima(fits, self.question.ratio, self.lowest, self.span) if self.question.ratio is not None else None
+        dose = np.linspace(0.0, 1.0, BAND_STEPS)
+        band = fits[0].band(dose, float(special.stdtrit(fits[0].freedom, LIMIT_P)))
+        agronomic = every.estimate(weights)
+        economic = paying.estimate(weights) if paying is not None else None
+        best = (economic or agronomic).value
+        highest = self.lowest + self.span
+        step = min(GAIN_STEP, self.span)
+        begin = min(best, highest - step)
+        expected = np.full(len(self.known), np.nan)
+        expected[self.known] = self._expected(fits[0], scaled)
+        residual = np.full(len(self.known), np.nan)
+        residual[self.known] = self.value - expected[self.known]
+        return replace(
+            found,
+            p_straight=p_straight,
+            models=tuple(
+                replace(
+                    self._model(fit, float(weight), dose),
+                    agronomic=every.estimate(alone),
+                    economic=paying.estimate(alone) if paying is not None else None,
+                )
+                for fit, weight, alone in zip(fits, weights, np.eye(len(fits)), strict=True)
+            ),
+            agronomic=agronomic,
+            economic=economic,
+            best=mixed.gain(best, best),
+            gain=mixed.gain(begin, begin + step),
+            gains=tuple(mixed.gain(at, min(at + step, highest)) for at in np.unique(self.dose)[:-1].tolist()),
+            dose=self.lowest + self.span * dose,
+            band_low=band[0],
+            band_high=band[1],
+            expected=expected,
+            residual=residual,
         )
-    else:
-        curve = fit_logistic(dose, value, index)
-        highest = float(dose.max())
-        reach = curve.plateau
-        shown = reach.high <= highest
-        if shown:
-            words = (
-                f"Beyond {reach.value:.0f}{gap} (95 %: {reach.low:.0f} to {reach.high:.0f}) nothing is gained: "
-                f"{100 * PLATEAU:.0f} % of the rise is reached."
-            )
-        elif reach.low > highest:
-            words = f"The response does not level off up to the highest dose, {highest:.0f}{gap}."
-        else:
-            words = (
-                "The doses do not show the rate beyond which nothing is gained: it is at least "
-                f"{max(reach.low, 0.0):.0f}{gap} (95 %), and may be above the highest dose, {highest:.0f}{gap}."
-            )
-    return Response(len(dose), doses, labels, p, curve, plateau_shown=shown, words=words)
+
+    def _expected(self, fit: ProfiledModel, scaled: FloatArray) -> FloatArray:
+        """The curve with the other effects at each observation."""
+        curve = fit.rise * fit.model.unit(fit.theta[None], scaled)[0]
+        basis = np.linalg.svd(self.effects, full_matrices=False)[0][:, : fit.seen.rank]
+        return np.asarray(curve + basis @ (basis.T @ (self.value - curve)))
+
+    def _model(self, fit: ProfiledModel, weight: float, dose: FloatArray) -> FittedModel:
+        squares, freedom = fit.seen.pure_error()
+        lack = fit.freedom - freedom
+        p = None
+        if freedom > 0 and lack > 0 and squares > 0.0:
+            ratio = max(fit.sum_squares - squares, 0.0) / lack / (squares / freedom)
+            p = float(special.fdtrc(lack, freedom, ratio))
+        aicc = _aicc(fit)
+        total = fit.seen.squares
+        return FittedModel(
+            name=fit.model.name,
+            weight=weight,
+            aicc=aicc if np.isfinite(aicc) else None,
+            sum_squares=fit.sum_squares,
+            freedom=fit.freedom,
+            sigma=float(np.sqrt(fit.variance)),
+            r2=1.0 - fit.sum_squares / total if total > 0.0 else 0.0,
+            lack_of_fit_p=p,
+            coefficients=_coefficients(fit, self.lowest, self.span),
+            agronomic=None,
+            economic=None,
+            fitted=fit.curve(dose),
+        )
 
 
 @dataclass(frozen=True)
-class VarianceRow:
-    """A source of variance: "treatment", "block" or "residual"; the latter without F and its probability.
+class _Average:
+    """Shapes with their weights, over doses from `lowest` on along `span`."""
 
-    The sum of squares is adjusted for the other source (type II).
+    fits: Sequence[ProfiledModel]
+    weights: FloatArray
+    lowest: float
+    span: float
+
+    def gain(self, dose: float, until: float) -> Gain:
+        """The yield at `until` less that at a dose; that at a dose if they are equal."""
+        at = (dose - self.lowest) / self.span
+        behind = (until - self.lowest) / self.span if until > dose else None
+        ends = []
+        for fit in self.fits:
+            least, most = fit.value_range(at, behind)
+            ends += [least, most]
+        value = np.linspace(min(ends), max(ends), VALUE_STEPS)
+        confidence = self._mean(lambda fit: fit.value_confidence(value, at, behind))
+        mean = float(self.weights @ np.array([fit.value(at, behind) for fit in self.fits]))
+        low, high = np.interp([1.0 - LIMIT_P, LIMIT_P], confidence, value).tolist()
+        return Gain(dose, until, mean, min(low, mean), max(high, mean))
+
+    def _mean(self, confidence: Callable[[ProfiledModel], FloatArray]) -> FloatArray:
+        weights = _doubted(self.weights)
+        parts = [weight * confidence(fit) for fit, weight in zip(self.fits, weights, strict=True) if weight > 0.0]
+        return np.asarray(np.maximum.accumulate(sum(parts)))
+
+
+def _doubted(weights: FloatArray) -> FloatArray:
+    """Weights that the same data made, for intervals."""
+    roots = np.sqrt(weights)
+    return np.asarray(roots / roots.sum())
+
+
+class _Optima:
+    """The optimum of each shape, and the confidence that it is at most a dose."""
+
+    def __init__(self, fits: Sequence[ProfiledModel], ratio: float | None, lowest: float, span: float) -> None:
+        scaled_ratio = ratio * span if ratio is not None else None
+        self._dose = np.linspace(0.0, 1.0, DOSE_STEPS)
+        self._value = np.array([fit.optimum(scaled_ratio) for fit in fits])
+        self._confidence = np.array([fit.optimum_confidence(self._dose, scaled_ratio) for fit in fits])
+        self._unseen = UNSEEN * float(fits[0].seen.doses[1])
+        self._lowest = lowest
+        self._span = span
+
+    def estimate(self, weights: FloatArray) -> Estimate:
+        """Averaged over the shapes (k,); at an end of the doses if more than half of the weight says so."""
+        confidence = np.maximum.accumulate(_doubted(weights) @ self._confidence)
+        value = float(weights @ self._value)
+        for end in (0.0, 1.0):
+            if float(weights[self._value == end].sum()) > 0.5:
+                value = end
+        low, high = np.interp([1.0 - LIMIT_P, LIMIT_P], confidence, self._dose).tolist()
+        # a curve that levels off before the second dose may do so anywhere there
+        low_open = bool(np.interp(self._unseen, self._dose, confidence) >= 1.0 - LIMIT_P)
+        high_open = bool(confidence[-1] <= LIMIT_P)
+        low = 0.0 if low_open else min(low, value)
+        high = 1.0 if high_open else max(high, value)
+        value, low, high = (self._lowest + self._span * each for each in (value, low, high))
+        return Estimate(value, low, high, low_open, high_open)
+
+
+def _fits(seen: Observations, only: ModelName | None) -> list[ProfiledModel]:
+    """The shapes that the observations are enough for."""
+    found = []
+    for name in MODEL_NAMES if only is None else (only,):
+        try:
+            found.append(fit_model(name, seen))
+        except ValueError:
+            continue
+    return found
+
+
+def _aicc(fit: ProfiledModel) -> float:
+    """Akaike's criterion of second order (Hurvich and Tsai 1989, Biometrika 76:297-307); infinite without one."""
+    number = fit.seen.number
+    parameters = number - fit.freedom + 1
+    left = number - parameters - 1
+    if left < 1:
+        return np.inf
+    squares = max(fit.sum_squares, 1e-300)
+    return float(number * np.log(squares / number) + 2.0 * parameters * (1.0 + (parameters + 1.0) / left))
+
+
+def _p_straight(fits: Sequence[ProfiledModel]) -> float | None:
+    """Probability of as much better a curve where the response is a straight line (F, by Bonferroni).
+
+    Few observations hold AICc back from curves that are beyond doubt: with six, a curve has to explain 99 % of what the
+    line leaves.
     """
-
-    source: str
-    freedom: int
-    sum_squares: float
-    f: float | None
-    p: float | None
-
-
-@dataclass(frozen=True)
-class TreatmentMean:
-    """A treatment; its 95 % interval is with the residual variance of the whole trial."""
-
-    treatment: str
-    parcels: int
-    mean: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Variance:
-    """An analysis of variance; the means are in the order of the treatments' first parcels."""
-
-    rows: tuple[VarianceRow, ...]
-    means: tuple[TreatmentMean, ...]
-
-
-def analysis_of_variance(
-    value: FloatArray, treatment: Sequence[str], block: Sequence[str] | None = None
-) -> Variance | None:
-    """Least squares of value (n,) on treatment and block; None if nothing is left over.
-
-    Without interaction. Raises InputError if statsmodels is not installed.
-    """
-    try:
-        import pandas as pd
-        from statsmodels.formula.api import ols
-        from statsmodels.stats.anova import anova_lm
-    except ImportError:
-        raise InputError("extra-missing.statsmodels") from None
-    names = list(dict.fromkeys(treatment))
-    blocked = block is not None and len(set(block)) > 1
-    table = pd.DataFrame({"value": value, "treatment": list(treatment), "block": list(block or [""] * len(value))})
-    if len(names) < 2 or len(value) - len(names) - (len(set(table["block"])) - 1) < 1 or np.ptp(value) == 0.0:
+    line = next((fit for fit in fits if fit.model.name == "linear"), None)
+    curved = [fit for fit in fits if fit.model.parameters == 1]
+    if line is None or not curved:
         return None
-    model: Any = ols("value ~ C(treatment) + C(block)" if blocked else "value ~ C(treatment)", table).fit()
-    found = anova_lm(model, typ=2)
-    rows = tuple(
-        VarianceRow(
-            source.removeprefix("C(").removesuffix(")").lower(),
-            round(float(row["df"])),
-            float(row["sum_sq"]),
-            None if np.isnan(row["F"]) else float(row["F"]),
-            None if np.isnan(row["PR(>F)"]) else float(row["PR(>F)"]),
+    best = min(curved, key=lambda fit: fit.sum_squares)
+    ratio = max(line.sum_squares - best.sum_squares, 0.0) / best.variance
+    return min(1.0, len(curved) * float(special.fdtrc(1, best.freedom, ratio)))
+
+
+def _weights(fits: Sequence[ProfiledModel], *, straight_ruled_out: bool) -> FloatArray:
+    """Weights of Akaike."""
+    criteria = np.array([_aicc(fit) for fit in fits])
+    if straight_ruled_out:
+        criteria[[fit.model.name == "linear" for fit in fits]] = np.inf
+    if not np.isfinite(criteria).any():
+        simplest = max(fit.freedom for fit in fits)
+        criteria = np.array(
+            [fit.seen.number * np.log(fit.variance) if fit.freedom == simplest else np.inf for fit in fits]
         )
-        for source, row in found.iterrows()
-    )
-    sigma = float(np.sqrt(model.mse_resid))
-    t = float(special.stdtrit(model.df_resid, 0.975))
-    means = []
-    for name in names:
-        own = value[np.array([each == name for each in treatment])]
-        half = t * sigma / len(own) ** 0.5
-        means.append(
-            TreatmentMean(name, len(own), float(own.mean()), float(own.mean()) - half, float(own.mean()) + half)
-        )
-    return Variance(rows, tuple(means))
+    weights = np.exp(-0.5 * (criteria - criteria.min()))
+    return np.asarray(weights / weights.sum())
+
+
+def _coefficients(fit: ProfiledModel, lowest: float, span: float) -> dict[str, float]:
+    """Of the shape in the units of dose and value."""
+    theta = fit.theta
+    rise = fit.rise
+    lower = fit.seen.mean - rise * float(fit.nodes.mean[fit.at])
+    match fit.model.name:
+        case "linear":
+            slope = rise / span
+            return {"intercept": lower - slope * lowest, "linear": slope}
+        case "quadratic":
+            linear = rise * float(np.cos(theta[0])) / span
+            square = rise * float(np.sin(theta[0])) / span**2
+            intercept = lower - linear * lowest + square * lowest**2
+            return {"intercept": intercept, "linear": linear - 2.0 * square * lowest, "quadratic": square}
+        case "quadratic-plateau" | "linear-plateau":
+            return {"lower": lower, "plateau": lower + rise, "join": lowest + span * float(np.exp(theta[0]))}
+        case "mitscherlich":
+            rate = float(np.exp(theta[0]))
+            whole = rise / min(rate, 1.0)
+            return {"lower": lower, "plateau": lower + whole, "rate": rate / span}
+        case "logistic":
+            gradient = float(np.exp(theta[0])) / span
+            return {"lower": lower, "rise": rise, "gradient": gradient, "midpoint": lowest + span * float(theta[1])}

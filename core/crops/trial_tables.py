@@ -21,6 +21,10 @@ TREATMENT: Final = "treatment"
 DATE: Final = "date"
 DOSE: Final = "dose"
 """Name of the sum of columns that are named by a day alone."""
+SPLIT: Final = "{}_by_day"
+"""Name of the attribute with the single doses of a sum, such as "03-16: 50, 04-20: 100"."""
+SITE: Final = "site"
+"""Attribute with the site and year of a parcel in a table of several."""
 MEASURE: Final = "mean_height_m"
 SIGMA_COLUMNS: Final = {
     MEASURE: "height_sigma_m",
@@ -47,8 +51,8 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
 
     It has a row for each parcel (column id, parcel or plot) or each treatment (column treatment). Doses at several days
     are columns named by a day (2017-03-16, or n_kg_ha 2017-03-16), or rows with a column date; both are summed up to
-    and including `day`. Raises InputError if the file cannot be read, has neither column, states an identifier twice
-    (without dates) or a day that is none, or has doses by date and `day` is not known.
+    and including `day`, and listed as SPLIT. Raises InputError if the file cannot be read, has neither column, states
+    an identifier twice (without dates) or a day that is none, or has doses by date and `day` is not known.
     """
 
     def unreadable(why: str) -> InputError:
@@ -86,14 +90,23 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
             if name not in numbers or name in BLOCK_COLUMNS:
                 row.setdefault(name, texts[name])
             elif by_row:
-                counts = day is not None and row_days[k] <= day
-                row[name] = float(row.get(name, 0.0)) + (float(numbers[name][k]) if counts else 0.0)
+                _add_dose(row, name, row_days[k], float(numbers[name][k]), day)
             else:
                 row[name] = float(numbers[name][k])
         for what, when, name in doses:
-            counts = name in texts and day is not None and when <= day
-            row[what] = float(row.get(what, 0.0)) + (float(numbers[name][k]) if counts else 0.0)
+            _add_dose(row, what, when, float(numbers[name][k]) if name in texts else 0.0, day)
     return Treatments(path, TREATMENT if column == TREATMENT else "id", rows, table.notices)
+
+
+def _add_dose(row: dict[str, Attribute], what: str, when: dt.date, dose: float, day: dt.date | None) -> None:
+    """A dose of a day in the sum up to another, and in the list of its single doses."""
+    counted = dose if day is not None and when <= day else 0.0
+    row[what] = float(row.get(what, 0.0)) + counted
+    split = SPLIT.format(what)
+    if counted:
+        row[split] = ", ".join(filter(None, [str(row.get(split, "")), f"{when:%m-%d}: {dose:g}"]))
+    else:
+        row.setdefault(split, "")
 
 
 def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[tuple[Parcel, ...], list[Notice]]:
@@ -145,10 +158,12 @@ class MeasuredTable:
     notices: tuple[Notice, ...] = ()
 
 
-def read_measured(path: Path, measure: str) -> MeasuredTable:
+def read_measured(path: Path, measure: str, sites: Sequence[str] = ()) -> MeasuredTable:
     """Rows by parcel, such as the parcels.csv of a run: an identifier, the quantity, and more.
 
-    Raises InputError if the file cannot be read, has no such column, or an identifier twice.
+    Without a column of identifiers parcels have the numbers of their rows. Of several `sites` (columns, such as
+    location and year) identifiers count within each; their labels are the attribute SITE. Raises InputError if the file
+    cannot be read, has no such column, or an identifier twice.
     """
 
     def unreadable(why: str) -> InputError:
@@ -157,10 +172,13 @@ def read_measured(path: Path, measure: str) -> MeasuredTable:
     table = read_table(path, unreadable)
     column = table.find(IDS)
     wanted = measure.casefold()
-    if column is None or wanted not in table.columns or not table.lines:
-        raise unreadable(f"no rows with the columns id and {measure} (its columns: {table.names})")
-    names = [cell.strip() for cell in table.columns[column]]
-    twice = next((name for k, name in enumerate(names) if name in names[:k] or not name), None)
+    missing = [name for name in (wanted, *(name.casefold() for name in sites)) if name not in table.columns]
+    if missing or not table.lines:
+        raise unreadable(f"no rows with the columns {', '.join(missing)} (its columns: {table.names})")
+    labels = [" ".join(_label(table.columns[name.casefold()][k]) for name in sites) for k in range(len(table.lines))]
+    cells = table.columns[column] if column is not None else [str(k + 1) for k in range(len(table.lines))]
+    names = [f"{label} {cell.strip()}".strip() for label, cell in zip(labels, cells, strict=True)]
+    twice = next((name for k, name in enumerate(names) if name in set(names[:k]) or not cells[k].strip()), None)
     if twice is not None:
         raise unreadable(f"parcel {twice!r} is there twice, or a parcel has no identifier")
     block = table.find(BLOCK_COLUMNS)
@@ -168,11 +186,13 @@ def read_measured(path: Path, measure: str) -> MeasuredTable:
     numbers = {name: table.numbers(name) for name in others if table.first_fault(name) is None}
     parcels = []
     for k, name in enumerate(names):
-        attributes = {
+        attributes: dict[str, Attribute] = {
             other: float(numbers[other][k]) if other in numbers else table.columns[other][k].strip()
             for other in others
             if table.columns[other][k].strip()
         }
+        if sites:
+            attributes[SITE] = labels[k]
         label = table.columns[block][k].strip() if block is not None else ""
         parcels.append(Parcel(name, shapely.Polygon(), shapely.Polygon(), label or None, attributes))
     sigma = numbers.get(SIGMA_COLUMNS.get(wanted, ""), np.full(len(names), np.nan))

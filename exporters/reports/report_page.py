@@ -10,8 +10,9 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from furrowmap.core.crops.dose_columns import column_words, dose_name, parcel_doses
 from furrowmap.core.crops.measure import MeasuredParcel
-from furrowmap.core.crops.response import Response, column_words, dose_name, parcel_doses
+from furrowmap.core.crops.response_values import Response
 from furrowmap.core.geodesy.local_time import in_local_time, span_words
 from furrowmap.core.implement.model import SeenImplement
 from furrowmap.core.pipeline.causes import Finding, findings

@@ -1,17 +1,19 @@
-"""Charts of a trial as SVG: the response to a dose, and a quantity by treatment or block.
+"""Charts of a trial as SVG: the response to a dose, its residuals, and a quantity by treatment or block.
 
 Colours are attributes, not a style sheet, so that a chart is the same in a report and as a file of its own.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 from unicodedata import east_asian_width
 
 import numpy as np
 from markupsafe import Markup
+from scipy import special
 
-from furrowmap.core.crops.response import Response
+from furrowmap.core.crops.response_values import Estimate, Response
+from furrowmap.core.crops.response_words import MIN_WEIGHT, MODEL_WORDS
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.languages.catalogue import ENGLISH
 from furrowmap.exporters.reports.page_language import map_texts, text_in
@@ -24,10 +26,11 @@ _LEFT: Final = 74.0
 _RIGHT: Final = WIDTH - 14.0
 _TOP: Final = 34.0
 _BOTTOM: Final = 320.0
-_KEYS: Final = (6.0, 150.0, 275.0)
+_KEYS: Final = (6.0, 190.0, 315.0, 570.0)
 """Where the keys of a curve begin: with room for their words in every language."""
 _INK: Final = "#333333"
 _PALE: Final = "#dddddd"
+_RIVAL: Final = "#8c6d31"
 _GREEN: Final = "#009e73"
 _TICK_STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
 
@@ -51,49 +54,99 @@ def standalone(svg: str, language: str = ENGLISH) -> str:
 
 
 def response_chart(dose: FloatArray, points: ParcelValues, response: Response, dose_name: str) -> Markup:
-    """Parcels over their dose, coloured by block; curve, 95 % band, and the rate beyond which nothing is gained."""
+    """Parcels over their dose, coloured by block; curve, its 95 % band, rivals, and the optimum with its interval."""
     known = np.isfinite(dose) & np.isfinite(points.value)
     low = float(dose[known].min(initial=0.0))
     high = float(dose[known].max(initial=0.0))
     high = high if high > low else 1.0
     x = Axis(low - 0.03 * (high - low), high + 0.03 * (high - low), _LEFT, _RIGHT)
-    curve = response.curve
-    shown = [points.value[known]] if curve is None else [points.value[known], curve.band_low, curve.band_high]
-    y, parts = _vertical_axis(np.concatenate(shown), points.name)
+    y, parts = _vertical_axis(np.concatenate([points.value[known], response.band_low, response.band_high]), points.name)
     parts += [_text(x.at(value), _BOTTOM + 16, f"{value:g}", "middle") for value in _round_values(low, high)]
     parts.append(_text(0.5 * (_LEFT + _RIGHT), _BOTTOM + 36, dose_name, "middle"))
-    if curve is not None:
-        if response.plateau_shown:
-            rate = curve.plateau
-            left, right, at = x.at(np.clip([rate.low, rate.high, rate.value], x.low, x.high)).tolist()
-            parts.append(rectangle(left, _TOP, right, _BOTTOM, fill=_GREEN, fill_opacity="0.12"))
-            parts.append(segment(at, _TOP, at, _BOTTOM, stroke=_GREEN, stroke_dasharray="5 4"))
+    if response.models:
+        optimum = response.economic or response.agronomic
+        if optimum is not None:
+            parts += _optimum(x, optimum, response.highest)
         around = corners(
-            x.at(np.append(curve.dose, curve.dose[::-1])), y.at(np.append(curve.band_high, curve.band_low[::-1]))
+            x.at(np.append(response.dose, response.dose[::-1])),
+            y.at(np.append(response.band_high, response.band_low[::-1])),
         )
         parts.append(element("polygon", points=around, fill="#999999", fill_opacity="0.3"))
-        line = corners(x.at(curve.dose), y.at(curve.fitted))
+        first, *rivals = response.models
+        for rival in rivals:
+            if rival.weight >= MIN_WEIGHT:
+                line = corners(x.at(response.dose), y.at(rival.fitted))
+                parts.append(element("polyline", points=line, fill="none", stroke=_RIVAL, stroke_width=1))
+        line = corners(x.at(response.dose), y.at(first.fitted))
         parts.append(element("polyline", points=line, fill="none", stroke=_INK, stroke_width=2))
-        parts += _curve_legend(plateau=response.plateau_shown)
+        parts += _curve_legend(response)
     parts += _dots(x.at(dose[known]), y.at(points.value[known]), np.flatnonzero(known).tolist(), points)
     return drawing(WIDTH, CHART_HEIGHT, parts, f"{points.name} over {dose_name}")
 
 
-def _curve_legend(*, plateau: bool) -> Iterable[str]:
-    """What line, band and dashes are, below the axis."""
+def _optimum(x: Axis, optimum: Estimate, highest: float) -> Iterable[str]:
+    """Its interval, and itself where it is within the doses."""
+    left, right, at = x.at(np.array([optimum.low, optimum.high, optimum.value])).tolist()
+    yield rectangle(left, _TOP, right, _BOTTOM, fill=_GREEN, fill_opacity="0.12")
+    if optimum.value < highest:
+        yield segment(at, _TOP, at, _BOTTOM, stroke=_GREEN, stroke_dasharray="5 4")
+
+
+def _curve_legend(response: Response) -> Iterable[str]:
+    """What lines, band and dashes are, below the axis."""
     y = CHART_HEIGHT - 12.0
-    keys = [("logistic curve", _INK, {}), ("its 95 % band", "#999999", {"opacity": "0.5"})]
-    if plateau:
-        keys.append(("rate beyond which nothing is gained, 95 %", _GREEN, {"stroke_dasharray": "5 4"}))
+    optimum = "economic optimum, 95 %" if response.economic is not None else "dose beyond which nothing is gained, 95 %"
+    keys = [
+        (MODEL_WORDS[response.models[0].name], _INK, {}),
+        ("its 95 % band", "#999999", {"opacity": "0.5"}),
+        (optimum, _GREEN, {"stroke_dasharray": "5 4"}),
+    ]
+    if any(rival.weight >= MIN_WEIGHT for rival in response.models[1:]):
+        keys.append(("rivals", _RIVAL, {}))
     for at, (words, colour, look) in zip(_KEYS, keys, strict=False):
         yield segment(at, y - 4, at + 18, y - 4, stroke=colour, stroke_width=3, **look)
         yield _text(at + 24, y, words)
 
 
+def residual_chart(expected: FloatArray, residual: FloatArray, points: ParcelValues) -> Markup:
+    """Residuals of parcels over what is expected of them, and in order over those of a normal distribution."""
+    known = np.flatnonzero(np.isfinite(residual))
+    middle = 0.5 * (_LEFT + _RIGHT)
+    y, parts = _vertical_axis(residual[known], "residual")
+    parts.append(segment(_LEFT, y.at(0.0), _RIGHT, y.at(0.0), stroke=_INK, stroke_width=1))
+    if len(known):
+        low = float(expected[known].min())
+        high = float(expected[known].max())
+        high = high if high > low else low + 1.0
+        x = Axis(low - 0.05 * (high - low), high + 0.05 * (high - low), _LEFT, middle - 10.0)
+        parts += [_text(x.at(value), _BOTTOM + 16, f"{value:.4g}", "middle") for value in _round_values(low, high)]
+        parts += _dots(x.at(expected[known]), y.at(residual[known]), known.tolist(), points)
+        order = known[np.argsort(residual[known])]
+        share = (np.arange(len(order)) + 0.625) / (len(order) + 0.25)
+        normal = special.ndtri(share)
+        reach = max(float(normal.max(initial=1.0)), 1.0)
+        x = Axis(-1.1 * reach, 1.1 * reach, middle + 30.0, _RIGHT)
+        spread = float(residual[known].std())
+        ends = np.array([-reach, reach])
+        line = corners(x.at(ends), y.at(np.clip(spread * ends, y.low, y.high)))
+        parts.append(element("polyline", points=line, fill="none", stroke=_RIVAL, stroke_width=1))
+        parts += [_text(x.at(value), _BOTTOM + 16, f"{value:g}", "middle") for value in _round_values(-reach, reach)]
+        parts += _dots(x.at(normal), y.at(residual[order]), order.tolist(), replace(points, group_name=""))
+    parts.append(_text(0.25 * (3.0 * _LEFT + _RIGHT), _BOTTOM + 36, "expected", "middle"))
+    parts.append(_text(0.25 * (_LEFT + 3.0 * _RIGHT), _BOTTOM + 36, "of a normal distribution", "middle"))
+    return drawing(WIDTH, CHART_HEIGHT, parts, "residuals")
+
+
 def category_chart(
-    category: Sequence[str], points: ParcelValues, means: Sequence[tuple[str, float, float, float]]
+    category: Sequence[str],
+    points: ParcelValues,
+    means: Sequence[tuple[str, float, float, float]],
+    letters: Mapping[str, str] | None = None,
 ) -> Markup:
-    """Parcels by category, coloured by group; `means` are name, mean, lower and upper end for each, in their order."""
+    """Parcels by category, coloured by group; `means` are name, mean, lower and upper end for each, in their order.
+
+    `letters` stand above the categories: means that share one do not differ.
+    """
     names = [name for name, *_ in means]
     known = np.isfinite(points.value) & np.array([name in names for name in category], bool)
     y, parts = _vertical_axis(
@@ -107,6 +160,8 @@ def category_chart(
         half = min(12.0, 0.3 * step)
         parts.append(segment(at, y.at(low), at, y.at(high), stroke=_INK, stroke_width=2))
         parts.append(segment(at - half, y.at(mean), at + half, y.at(mean), stroke=_INK, stroke_width=3))
+        if letters:
+            parts.append(_text(at, _TOP - 4, letters.get(name, ""), "middle"))
         turn = {"transform": f"rotate(-40 {at:.1f} {below:.1f})"} if step < 44.0 else {}
         parts.append(_text(at, below, name, "end" if turn else "middle", **turn))
     rows = np.flatnonzero(known).tolist()

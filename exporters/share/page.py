@@ -277,7 +277,7 @@ def _notes(report: dict[str, Any]) -> Iterator[str]:
     """What the figures rest on, and how the heights of a trial's crop respond to its dose."""
     response = (report.get("parcels") or {}).get("response")
     if response:
-        yield str(response["words"])
+        yield from map(str, response.get("sentences", [response["words"]]))
     if keys := (report.get("accuracy") or {}).get("unconfirmed"):
         yield f"The accuracy holds if {', '.join(keys)} in the session is right: the recording does not show it."
 

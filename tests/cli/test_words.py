@@ -230,25 +230,31 @@ def test_growth__tells_how_a_flight_was_aligned(found: dict[str, Any] | None, wo
     assert crops._alignment({"alignment": found}) == words
 
 
-def test_response__tells_the_curve_and_the_analysis_of_each_flight() -> None:
-    names = ("lower", "rise", "gradient", "midpoint", "plateau")
-    curve = {name: {"value": k + 0.5, "low": k + 0.25, "high": k + 0.75} for k, name in enumerate(names)}
-    curve["plateau"]["high"] = None  # type: ignore[assignment]
+def test_response__tells_the_shapes_and_the_analysis_of_each_flight() -> None:
+    optimum = {"value": 199.4, "low": 173.1, "high": 260.0, "low_open": False, "high_open": True}
+    shape = {"name": "quadratic", "weight": 0.814, "r2": 0.7391, "lack_of_fit_p": 0.5798, "economic": optimum}
+    other = {**shape, "name": "linear", "weight": 0.186, "lack_of_fit_p": None, "economic": None}
+    other["agronomic"] = {**optimum, "low_open": True, "high_open": False}
     source = [{"source": "dose", "f": 4.256, "p": 0.0213, "freedom": 3}, {"source": "rest", "f": None}]
-    bare = {"words": "No curve.", "curve": None, "variance": None, "parcels": 3, "day": None}
-    full = {"words": "A curve.", "curve": curve, "variance": {"rows": source}, "parcels": 12, "day": "2026-06-11"}
+    means = [{"treatment": "N60", "mean": 5.25, "low": 4.5, "high": 6.0, "letters": "a"}]
+    bare = {"sentences": ["No response shown: 12 %."], "variance": None, "parcels": 3, "day": None}
+    part = {"by": "site", "label": "Jackson", "sentences": ["Nothing.", "Else."]}
+    full = {"sentences": ["A curve.", "Another 1.5 t."], "models": [shape, other], "parts": [part], "parcels": 12}
+    full |= {"variance": {"rows": source, "means": means}, "day": "2026-06-11"}
     account = {"flights": [full, bare], "products": ["response.csv", "response.json"]}
     assert crops._response_words(account, Path("out")).splitlines() == [
         "12 parcels, 2026-06-11",
-        "             A curve.",
-        "  lower      0.5 (95 %: 0.25 to 0.75)",
-        "  rise       1.5 (95 %: 1.25 to 1.75)",
-        "  gradient   2.5 (95 %: 2.25 to 2.75)",
-        "  midpoint   3.5 (95 %: 3.25 to 3.75)",
-        "  plateau    4.5 (95 %: 4.25 to open)",
+        "  A curve.",
+        "  Another 1.5 t.",
+        "shape      weight     R²  lack of fit      optimum (95 %)",
+        "quadratic    81 %  0.739     p = 0.58  199 (173 to above)",
+        "linear       19 %  0.739                     199 (to 260)",
+        "  Jackson: Nothing. Else.",
         "  F of dose  4.26 (p = 0.021, 3 degrees of freedom)",
+        "mean of            95 %  letters",
+        "N60      5.25  4.5 to 6        a",
         "3 parcels",
-        "    No curve.",
+        "  No response shown: 12 %.",
         "Written to out: response.csv, response.json",
     ]
 

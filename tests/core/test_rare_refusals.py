@@ -21,7 +21,6 @@ from furrowmap.cli.options import value_of
 from furrowmap.core.accuracy.receivers import evaluate_logs
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.coverage.task_work import task_works
-from furrowmap.core.crops.response import fit_logistic
 from furrowmap.core.crops.trial_tables import read_treatments
 from furrowmap.core.geodesy.projection import read_parameters
 from furrowmap.core.images.board import expect_opencv
@@ -126,16 +125,6 @@ def test_an_interruption__while_a_sheet_is_read_is_no_damage(tmp_path: Path, mon
     monkeypatch.setattr(json, "loads", interrupted)
     with pytest.raises(KeyboardInterrupt):
         read_table(tmp_path / "a.xlsx", pytest.fail)
-
-
-@pytest.mark.parametrize(
-    ("doses", "words"),
-    [([0.0, 1.0, 2.0] * 4, "four doses"), ([0.0, 1.0, 2.0, 3.0], "more observations than parameters")],
-)
-def test_a_logistic_curve__needs_enough(doses: list[float], words: str) -> None:
-    dose = np.array(doses)
-    with pytest.raises(ValueError, match=words):
-        fit_logistic(dose, dose, np.zeros(len(dose), np.int64))
 
 
 def test_normal_equations__without_a_solution() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from pyproj import CRS
 
+from furrowmap.core.crops.dose_columns import dose_name, dose_unit, parcel_doses
 from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
@@ -24,7 +25,8 @@ from furrowmap.core.crops.placement import (
     parcel_shift,
     parcels_elsewhere,
 )
-from furrowmap.core.crops.response import Response, dose_name, dose_unit, fit_response, parcel_doses
+from furrowmap.core.crops.response import fit_response
+from furrowmap.core.crops.response_values import Response, ResponseQuestion
 from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster, site_soil
 from furrowmap.core.crops.soil import SOIL_CELL_M
 from furrowmap.core.crops.treatment_order import REVERSED, REVERSED_IN_BLOCKS, mistaken_order
@@ -228,7 +230,11 @@ def write_parcels(
         },
         "soil": soil.plain(),
         "response": response
-        and {"words": response.words, **{f"words_{one}": translated(response.words, one) for one in LANGUAGES[1:]}},
+        and {
+            "words": response.words,
+            **{f"words_{one}": "".join(translated(s, one) for s in response.sentences) for one in LANGUAGES[1:]},
+            "sentences": list(response.sentences),
+        },
         "parcels": [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))],
     }
     return WrittenParcels(found, response, account, notices)
@@ -318,7 +324,7 @@ def _response(found: Sequence[MeasuredParcel]) -> Response | None:
         return None
     heights_m = np.array([row.figures.mean_height_m for row in found])
     blocks = [parcel.block or "" for parcel in parcels]
-    return fit_response(parcel_doses(parcels, name), heights_m, blocks, dose_unit(name))
+    return fit_response(parcel_doses(parcels, name), heights_m, blocks, ResponseQuestion(unit=dose_unit(name)))
 
 
 def _assign_treatments(

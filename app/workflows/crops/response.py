@@ -9,20 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from furrowmap.core.crops.dose_columns import column_words
 from furrowmap.core.crops.growth import Growth, growth_of
-from furrowmap.core.crops.response import (
-    Response,
-    Variance,
-    analysis_of_variance,
-    column_words,
-    dose_name,
-    dose_unit,
-    fit_response,
-    parcel_doses,
-)
+from furrowmap.core.crops.response_values import Response
+from furrowmap.core.crops.trial import Trial, TrialPlan, analyse_trial
 from furrowmap.core.crops.trial_tables import (
     MEASURE,
-    TREATMENT,
     MeasuredTable,
     day_of,
     read_measured,
@@ -30,14 +22,20 @@ from furrowmap.core.crops.trial_tables import (
     with_treatments,
 )
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.errors import Notice, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.csv_cells import write_csv_table, write_workbook
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.reports.trial_charts import ParcelValues, category_chart, response_chart, standalone
+from furrowmap.exporters.reports.trial_charts import (
+    ParcelValues,
+    category_chart,
+    residual_chart,
+    response_chart,
+    standalone,
+)
 from furrowmap.settings import ResponseSettings
 
 RESPONSE_REPORT: Final = "response.json"
@@ -45,14 +43,12 @@ RESPONSE_REPORT: Final = "response.json"
 
 @dataclass(frozen=True)
 class _Flight:
-    """A trial on a day; the dose (n,) of a parcel is nan where unknown."""
+    """A trial on a day."""
 
     day: dt.date | None
     parcels: tuple[Parcel, ...]
     table: MeasuredTable
-    dose: FloatArray | None
-    response: Response | None
-    variance: Variance | None
+    trial: Trial
 
 
 def response(
@@ -66,7 +62,7 @@ def response(
     """Fit the response to a dose, analyse the variance by treatment, and the growth between flights.
 
     Args:
-        tables: CSV or spreadsheet with the figures of parcels, such as parcels.csv: one for each flight.
+        tables: CSV or spreadsheet with the figures of parcels, such as parcels.csv or yields: one for each flight.
         treatments: table with what each parcel was given; None if the tables hold it.
         out: folder for response.json, charts (SVG) and the table of parcels (CSV; a spreadsheet with openpyxl).
 
@@ -95,10 +91,11 @@ def response(
         growth = growth_of([flight.day for flight in flights if flight.day is not None], heights, sigmas)
     rows = _rows(flights, measure, growth)
     last = flights[-1]
-    charts = _charts(last, measure, dose_name(last.parcels, settings.dose), growth)
+    charts = _charts(last, measure, growth)
     account = {
         "measure": measure,
-        "dose": dose_name(last.parcels, settings.dose),
+        "dose": last.trial.dose_name,
+        "price_ratio": settings.ratio,
         "flights": [_account(flight) for flight in flights],
         "growth": [asdict(each) for each in growth],
         "warnings": list(dict.fromkeys(notices)),
@@ -107,15 +104,7 @@ def response(
         for name, chart in charts.items():
             (staging / name).write_text(standalone(chart, language_of_user()), encoding="utf-8")
         write_csv_table(staging / "trial.csv", list(dict.fromkeys(name for row in rows for name in row)), rows)
-        sheets = {"parcels": rows}
-        if last.variance is not None:
-            sheets["treatments"] = [asdict(mean) for mean in last.variance.means]
-            sheets["variance"] = [asdict(row) for row in last.variance.rows]
-        curve = last.response.curve if last.response is not None else None
-        if curve is not None:
-            names = ("lower", "rise", "gradient", "midpoint", "plateau")
-            sheets["curve"] = [{"parameter": name, **asdict(getattr(curve, name))} for name in names]
-        write_workbook(staging / "trial.xlsx", sheets)
+        write_workbook(staging / "trial.xlsx", _sheets(last, rows))
         products = sorted(path.name for path in staging.iterdir())
         answer: dict[str, Any] = plain({**account, "products": [*products, RESPONSE_REPORT]})
         (staging / RESPONSE_REPORT).write_text(json_text(answer), encoding="utf-8")
@@ -133,61 +122,77 @@ def _days(texts: Sequence[str], tables: int) -> list[dt.date | None]:
 def _flight(
     path: Path, day: dt.date | None, treatments: Path | None, settings: ResponseSettings, notices: list[Notice]
 ) -> _Flight:
-    measure = settings.measure or MEASURE
-    table = read_measured(path, measure)
+    table = read_measured(path, settings.measure or MEASURE, settings.sites or ())
     notices += table.notices
     parcels = table.parcels
     if treatments is not None:
         parcels, more = with_treatments(parcels, read_treatments(treatments, day))
         notices += more
-    name = dose_name(parcels, settings.dose)
-    dose = parcel_doses(parcels, name) if name is not None else None
-    found = None if dose is None else fit_response(dose, table.value, [each.block for each in parcels], dose_unit(name))
-    return _Flight(day, parcels, table, dose, found, _variance(parcels, table, dose, notices))
-
-
-def _variance(
-    parcels: tuple[Parcel, ...], table: MeasuredTable, dose: FloatArray | None, notices: list[Notice]
-) -> Variance | None:
-    labels = _labels(parcels, dose)
-    known = [k for k, label in enumerate(labels) if label is not None and math.isfinite(table.value[k])]
-    if len({labels[k] for k in known}) < 2:
-        return None
-    blocks = [parcels[k].block or "" for k in known]
-    try:
-        return analysis_of_variance(table.value[known], [str(labels[k]) for k in known], blocks)
-    except InputError as error:
-        notices.append(Notice("variance-missing", what=error.what, remedy=error.remedy))
-        return None
-
-
-def _labels(parcels: Sequence[Parcel], dose: FloatArray | None) -> list[str | None]:
-    """The treatment of each parcel by name; by its dose where the treatments have no names."""
-    named = [each.attributes.get(TREATMENT) for each in parcels]
-    if any(name is not None for name in named):
-        return [None if name is None else f"{name:g}" if isinstance(name, float) else name for name in named]
-    if dose is None:
-        return [None] * len(parcels)
-    return [f"{value:g}" if math.isfinite(value) else None for value in dose]
+    plan = TrialPlan(
+        dose=settings.dose,
+        model=settings.model if settings.model != "auto" else None,
+        ratio=settings.ratio,
+        factors=settings.factors or (),
+        covariate=settings.covariate,
+        blocks=not settings.without_blocks,
+    )
+    trial = analyse_trial(parcels, table.value, plan)
+    notices += trial.notices
+    return _Flight(day, parcels, table, trial)
 
 
 def _account(flight: _Flight) -> dict[str, Any]:
-    found = flight.response
-    curve: dict[str, Any] | None = None
-    if found is not None and found.curve is not None:
-        values = asdict(found.curve)
-        band = {name: values.pop(name) for name in ("dose", "fitted", "band_low", "band_high")}
-        offsets = dict(zip(found.blocks, values.pop("offsets").tolist(), strict=True))
-        curve = {**values, "block_offsets": offsets, "band": band}
+    trial = flight.trial
     return {
         "day": flight.day.isoformat() if flight.day is not None else None,
         "parcels": len(flight.parcels),
-        "words": found.words if found is not None else "The parcels have no doses.",
-        "p_no_response": found.p if found is not None else None,
-        "plateau_shown": found is not None and found.plateau_shown,
-        "curve": curve,
-        "variance": asdict(flight.variance) if flight.variance is not None else None,
+        "sentences": list(trial.sentences),
+        **(_response_account(trial.response) if trial.response is not None else {}),
+        "parts": [{"by": part.by, "label": part.label, **_response_account(part.response)} for part in trial.parts],
+        "differs": dict(trial.differs),
+        "variance": asdict(trial.variance) if trial.variance is not None else None,
     }
+
+
+def _response_account(found: Response) -> dict[str, Any]:
+    values = asdict(found)
+    band = {name: values.pop(name) for name in ("dose", "band_low", "band_high")}
+    for name in ("expected", "residual", "parcels"):
+        values.pop(name)
+    return {**values, "band": band}
+
+
+def _sheets(last: _Flight, rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """The sheets of the spreadsheet."""
+    sheets = {"parcels": rows}
+    variance = last.trial.variance
+    if variance is not None:
+        sheets["treatments"] = [asdict(mean) for mean in variance.means]
+        sheets["variance"] = [asdict(row) for row in variance.rows]
+        if variance.cells:
+            sheets["two-way"] = [asdict(each) for each in variance.cells]
+    found = last.trial.response
+    if found is not None and found.models:
+        sheets["shapes"] = [
+            {
+                "shape": each.name,
+                "weight": each.weight,
+                "aicc": each.aicc,
+                "r2": each.r2,
+                "sigma": each.sigma,
+                "lack_of_fit_p": each.lack_of_fit_p,
+                **{
+                    f"{name}_{end}": getattr(optimum, end)
+                    for name, optimum in (("agronomic", each.agronomic), ("economic", each.economic))
+                    if optimum is not None
+                    for end in ("value", "low", "high")
+                },
+                "coefficients": ", ".join(f"{name} {value:.6g}" for name, value in each.coefficients.items()),
+            }
+            for each in found.models
+        ]
+        sheets["gains"] = [asdict(each) for each in found.gains]
+    return sheets
 
 
 def _rows(flights: Sequence[_Flight], measure: str, growth: Sequence[Growth]) -> list[dict[str, Any]]:
@@ -199,9 +204,14 @@ def _rows(flights: Sequence[_Flight], measure: str, growth: Sequence[Growth]) ->
     ]
     last = flights[-1]
     rows = []
-    for each, value, sigma in zip(last.parcels, last.table.value.tolist(), last.table.sigma.tolist(), strict=True):
+    found = last.trial.response
+    for k, (each, value, sigma) in enumerate(
+        zip(last.parcels, last.table.value.tolist(), last.table.sigma.tolist(), strict=True)
+    ):
         row: dict[str, Any] = {"id": each.id, "block": each.block, **each.attributes, measure: value, "sigma": sigma}
         row |= {name: values.get(each.id) for name, values in earlier}
+        if found is not None and found.models:
+            row |= {"expected": float(found.expected[k]), "residual": float(found.residual[k])}
         if growth:
             own = rates.get(each.id)
             row["growth_m_day"] = own.rate_m_day if own is not None else None
@@ -210,16 +220,24 @@ def _rows(flights: Sequence[_Flight], measure: str, growth: Sequence[Growth]) ->
     return rows
 
 
-def _charts(last: _Flight, measure: str, dose: str | None, growth: Sequence[Growth]) -> dict[str, str]:
+def _charts(last: _Flight, measure: str, growth: Sequence[Growth]) -> dict[str, str]:
+    trial = last.trial
     blocks = [each.block or "" for each in last.parcels]
     points = ParcelValues(last.table.value, blocks, column_words(measure), "block")
     charts: dict[str, str] = {}
-    if last.response is not None and last.dose is not None and dose is not None:
-        charts["response.svg"] = response_chart(last.dose, points, last.response, column_words(dose))
-    labels = [label or "" for label in _labels(last.parcels, last.dose)]
-    if last.variance is not None:
-        means = [(each.treatment, each.mean, each.low, each.high) for each in last.variance.means]
-        charts["treatments.svg"] = category_chart(labels, points, _ordered(means))
+    found = trial.response
+    if found is not None and trial.dose is not None and trial.dose_name is not None:
+        charts["response.svg"] = response_chart(trial.dose, points, found, column_words(trial.dose_name))
+        if found.models:
+            charts["residuals.svg"] = residual_chart(found.expected, found.residual, points)
+    labels = [label or "" for label in trial.labels]
+    if trial.variance is not None:
+        first = trial.variance.means[0].factor
+        means = [each for each in trial.variance.means if each.factor == first]
+        named = labels if {each.treatment for each in means} <= set(labels) else _doses(trial)
+        shown = [(each.treatment, each.mean, each.low, each.high) for each in means]
+        letters = {each.treatment: each.letters for each in means}
+        charts["treatments.svg"] = category_chart(named, points, _ordered(shown), letters)
     if len(set(blocks)) > 1:
         by_treatment = ParcelValues(last.table.value, labels, column_words(measure))
         charts["blocks.svg"] = category_chart(blocks, by_treatment, _means(blocks, last.table.value))
@@ -231,6 +249,10 @@ def _charts(last: _Flight, measure: str, dose: str | None, growth: Sequence[Grow
             named, ParcelValues(rate, blocks, "growth (m/day)", "block"), _means(named, rate)
         )
     return charts
+
+
+def _doses(trial: Trial) -> list[str]:
+    return [f"{value:g}" if math.isfinite(value) else "" for value in trial.dose] if trial.dose is not None else []
 
 
 def _means(names: Sequence[str], value: FloatArray) -> list[tuple[str, float, float, float]]:

@@ -48,24 +48,35 @@ def test_sample__its_true_heights_give_its_true_curve(shared_data: Path, tmp_pat
     account = furrowmap.response(
         [folder / "truth" / "parcels_truth.csv"], folder / "treatments.csv", tmp_path / "out", settings
     )
-    curve = account["flights"][0]["curve"]
-    truth = {"lower": 0.340, "rise": 0.240, "gradient": 0.028, "midpoint": 85.0, "plateau": 85.0 + np.log(19.0) / 0.028}
-    for name, value in truth.items():
-        assert curve[name]["low"] <= value <= curve[name]["high"], name
+    flight = account["flights"][0]
+    assert flight["models"][0]["name"] == "logistic"
+    left = 0.05 / (1.0 + np.exp(-0.028 * 85.0))
+    plateau = 85.0 + np.log((1.0 - left) / left) / 0.028  # 95 % of the rise above the lowest dose
+    assert flight["agronomic"]["low"] <= plateau <= flight["agronomic"]["high"]
+    truth = {"lower": 0.340, "rise": 0.240, "gradient": 0.028, "midpoint": 85.0}
+    assert flight["models"][0]["coefficients"] == pytest.approx(truth, rel=0.2)
     assert account["dose"] == "n_kg_ha"
-    assert account["flights"][0]["plateau_shown"]
 
 
 def test_products__are_whole(trial: tuple[Path, Path], tmp_path: Path) -> None:
     account = furrowmap.response([trial[0]], trial[1], tmp_path / "out")
     written = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert sorted(account["products"]) == written
-    assert set(written) >= {"response.json", "response.svg", "treatments.svg", "blocks.svg", "trial.csv", "trial.xlsx"}
+    assert set(written) >= {
+        "response.json",
+        "response.svg",
+        "residuals.svg",
+        "treatments.svg",
+        "blocks.svg",
+        "trial.csv",
+        "trial.xlsx",
+    }
     assert json.loads((tmp_path / "out" / "response.json").read_text()) == account
     book = openpyxl.load_workbook(tmp_path / "out" / "trial.xlsx")
-    assert book.sheetnames == ["parcels", "treatments", "variance", "curve"]
+    assert book.sheetnames == ["parcels", "treatments", "variance", "shapes", "gains"]
+    fit = ["expected", "residual"]
     heads = [cell.value for cell in book["parcels"][1]]
-    assert heads == ["id", "block", "height_sigma_m", "treatment", "n_kg_ha", "mean_height_m", "sigma"]
+    assert heads == ["id", "block", "height_sigma_m", "treatment", "n_kg_ha", "mean_height_m", "sigma", *fit]
     assert book["parcels"].max_row == 29
     with pytest.raises(RefusedError) as refused:
         furrowmap.response([trial[0]], trial[1], tmp_path / "out")
@@ -77,7 +88,7 @@ def test_chart__has_a_dot_for_each_parcel_a_curve_a_band_and_the_rate(trial: tup
     chart = ET.parse(tmp_path / "out" / "response.svg").getroot()
     assert chart.tag == f"{SVG}svg"
     assert len(chart.findall(f"{SVG}circle")) == 28 + 4  # and the legend
-    assert len(chart.findall(f"{SVG}polyline")) == 1
+    assert 1 <= len(chart.findall(f"{SVG}polyline")) <= 6
     assert len(chart.findall(f"{SVG}polygon")) == 1
     dots = np.array([[float(c.get("cx", 0)), float(c.get("cy", 0))] for c in chart.findall(f"{SVG}circle")[:28]])
     assert (np.ptp(dots[::7, 0]), np.ptp(dots[:7, 0])) == pytest.approx((0.0, 520.8), abs=0.2)  # 300 of 318 kg/ha
@@ -103,6 +114,7 @@ def test_growth__between_two_days(trial: tuple[Path, Path], tmp_path: Path) -> N
     [
         (furrowmap.ResponseSettings(measure="yield_t_ha"), "parcel-table-unreadable"),
         (furrowmap.ResponseSettings(dose="p_kg_ha"), "dose-unknown"),
+        (furrowmap.ResponseSettings(factors=("variety",)), "trial-column-unknown"),
         (furrowmap.ResponseSettings(days=("2017-05-23", "2017-05-24")), "response-days"),
         (furrowmap.ResponseSettings(days=("23 May",)), "usage"),
     ],
@@ -134,7 +146,7 @@ def test_without_statsmodels_and_openpyxl__the_rest_is_there(
     account = furrowmap.response([trial[0]], trial[1], tmp_path / "out")
     assert [notice["code"] for notice in account["warnings"]] == ["variance-missing"]
     assert account["flights"][0]["variance"] is None
-    assert account["flights"][0]["curve"] is not None
+    assert account["flights"][0]["models"]
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     write_workbook(tmp_path / "x.xlsx", {"a": [{"b": 1}]})
     assert not (tmp_path / "x.xlsx").exists()
@@ -157,3 +169,42 @@ def test_command__says_what_the_trial_shows(
     assert "28 parcels" in words
     assert "nothing is gained" in words
     assert "F of treatment" in words
+
+
+def test_sites_and_years__of_a_table_without_identifiers(shared_data: Path, tmp_path: Path) -> None:
+    """Engelstad and Parks 1971: ten trials, of which those of Knoxville 1965 and 1966 show no response."""
+    settings = furrowmap.ResponseSettings(
+        measure="yield_dt_ha", dose_price=0.11, measure_price=1.15, sites=("location", "year")
+    )
+    account = furrowmap.response([shared_data / "trials" / "engelstad.csv"], None, tmp_path / "out", settings)
+    (flight,) = account["flights"]
+    assert account["price_ratio"] == pytest.approx(0.11 / 1.15)
+    alone = {part["label"]: part for part in flight["parts"]}
+    assert len(alone) == 10
+    silent = [label for label, part in alone.items() if not part["models"]]
+    assert silent == ["Knoxville 1965", "Knoxville 1966"]
+    assert alone["Jackson 1962"]["economic"]["low"] < 140.0 < alone["Jackson 1962"]["economic"]["high"]
+    assert 90.0 < flight["economic"]["value"] < 190.0
+
+
+def test_published_trial__by_the_command(shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = str(shared_data / "trials" / "bachmaier_low.csv")
+    prices = ["--dose-price", "0.6", "--measure-price", "110"]
+    line = ["response", table, "--measure", "yield_t_ha", *prices, "-o", str(tmp_path / "out")]
+    assert command_line([*line, "--model", "quadratic", "--without-blocks"]) == 0
+    words = capsys.readouterr().out
+    assert "The economic optimum is 199 kg/ha (95 %: 173 to above the highest dose, 260)." in words
+    assert command_line([*line, "--overwrite"]) == 0
+    words = capsys.readouterr().out
+    assert "Shapes by weight" in words
+    assert "F of block" in words
+    assert "lack of fit" in words
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"dose_price": 0.6}, {"measure_price": 110.0}, {"dose_price": 0.6, "measure_price": 110.0, "price_ratio": 0.005}],
+)
+def test_prices__are_both_or_a_ratio(given: dict[str, float]) -> None:
+    with pytest.raises(UsageError, match="belong together"):
+        furrowmap.ResponseSettings(**given)  # type: ignore[arg-type]

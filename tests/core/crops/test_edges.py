@@ -10,10 +10,12 @@ import rasterio
 import shapely
 from pyproj import CRS
 
+from furrowmap.core.crops.dose_columns import column_words, dose_name, dose_unit, parcel_doses
 from furrowmap.core.crops.parcel_points import USUAL_NOISE_M, ParcelPoints
 from furrowmap.core.crops.parcels import inset_parcels
 from furrowmap.core.crops.published import grown_region
-from furrowmap.core.crops.response import column_words, dose_name, dose_unit, fit_response, parcel_doses
+from furrowmap.core.crops.response import fit_response
+from furrowmap.core.crops.response_values import ResponseQuestion
 from furrowmap.core.crops.site_soil import open_soil_raster, soil_around
 from furrowmap.core.crops.soil import (
     MIN_SOIL_CELLS,
@@ -81,11 +83,12 @@ def test_grown_regions__of_nothing_are_empty() -> None:
 def test_responses__that_do_not_level_off_say_so() -> None:
     dose = np.tile(np.array([0.0, 50.0, 100.0, 150.0, 200.0]), 6)
     rising = 0.3 + 0.4 / (1.0 + np.exp(-0.02 * (dose - 210.0)))
-    found = fit_response(dose, rising + np.random.default_rng(2).normal(0.0, 0.002, len(dose)), unit="kg/ha")
-    assert not found.plateau_shown
-    assert found.words == "The response does not level off up to the highest dose, 200 kg/ha."
-    assert found.curve is not None
-    assert found.curve.plateau.low > 200.0
+    value = rising + np.random.default_rng(2).normal(0.0, 0.002, len(dose))
+    found = fit_response(dose, value, question=ResponseQuestion(unit="kg/ha"))
+    assert found.words.startswith("The response does not level off up to the highest dose, 200 kg/ha.")
+    assert found.agronomic is not None
+    assert found.agronomic.low == 200.0
+    assert found.agronomic.high_open
 
 
 def test_soil__of_no_or_too_few_cells_or_of_a_row_of_them_is_not_known() -> None:

@@ -45,6 +45,7 @@ def test_doses_by_date__are_summed_up_to_the_day_of_the_flight(tmp_path: Path) -
     for file in (csv(tmp_path / "plan.csv", PLAN), sheet(tmp_path / "plan.xlsx", PLAN)):
         done, notices = with_treatments(PARCELS, read_treatments(file, DAY))
         assert [parcel.attributes["dose"] for parcel in done] == [0.0, 100.0, 200.0]
+        assert done[2].attributes["dose_by_day"] == "03-16: 50, 04-20: 50, 05-05: 100"
         assert not notices
         late, _ = with_treatments(PARCELS, read_treatments(file, dt.date(2017, 6, 7)))
         assert late[2].attributes["dose"] == 250.0
@@ -63,7 +64,12 @@ def test_days_of_a_spreadsheet__are_columns_as_well(tmp_path: Path) -> None:
 def test_rows_with_a_date__are_summed(tmp_path: Path) -> None:
     rows = [["plot", "date", "n_kg_ha", "variety"], [7, "2017-03-16", "50,5", "Benchmark"], [7, "2017-06-07", 9, ""]]
     done, _ = with_treatments(PARCELS, read_treatments(csv(tmp_path / "t.csv", rows), DAY))
-    assert done[0].attributes == {"treatment": 1.0, "n_kg_ha": 50.5, "variety": "Benchmark"}
+    assert done[0].attributes == {
+        "treatment": 1.0,
+        "n_kg_ha": 50.5,
+        "n_kg_ha_by_day": "03-16: 50.5",
+        "variety": "Benchmark",
+    }
 
 
 def test_a_block__of_the_table_is_that_of_the_parcel(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
+from furrowmap.core.crops.dose_columns import column_words
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
-from furrowmap.core.crops.response import column_words, fit_response
+from furrowmap.core.crops.response import fit_response
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.reports.report_page import (
     MAX_NAMED_PARCELS,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from xml.etree import ElementTree as ET
 
@@ -10,12 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.crops.response import Estimate, Logistic, Response
+from furrowmap.core.crops.response import fit_response
+from furrowmap.core.crops.response_values import Estimate, FittedModel, Response
 from furrowmap.exporters.reports.trial_charts import (
     GROUP_COLOURS,
     ParcelValues,
     _round_values,
     category_chart,
+    residual_chart,
     response_chart,
     standalone,
 )
@@ -28,16 +31,19 @@ KNOWN = np.isfinite(DOSE) & np.isfinite(HEIGHT_M)
 POINTS = ParcelValues(HEIGHT_M, BLOCK, "mean height (m)", "block")
 
 
-def response(plateau: Estimate | None = None, *, shown: bool = True) -> Response:
-    """A response with a curve where there is a plateau."""
+def response(optimum: Estimate | None = None) -> Response:
+    """A response with a curve and a rival where there is an optimum."""
+    bare = fit_response(np.zeros(1), np.zeros(1))
+    if optimum is None:
+        return bare
     dose = np.linspace(0.0, 160.0, 9)
     fitted = 0.4 + 0.3 * dose / 160.0
-    other = Estimate(1.0, 0.0, 2.0)
-    curve = None if plateau is None else Logistic(
-        lower=other, rise=other, gradient=other, midpoint=other, plateau=plateau, sigma=0.02, freedom=3, r2=0.9,
-        offsets=np.zeros(2), dose=dose, fitted=fitted, band_low=fitted - 0.05 - dose / 4000.0, band_high=fitted + 0.1,
-    )  # fmt: skip
-    return Response(8, 4, ("A", "B"), 0.01, curve, plateau_shown=shown, words="")
+    models = tuple(
+        FittedModel("linear", weight, 1.0, 0.1, 3, 0.02, 0.9, None, {}, optimum, None, fitted + 0.01 * k)
+        for k, weight in enumerate((0.7, 0.28, 0.02))
+    )
+    band = {"band_low": fitted - 0.05 - dose / 4000.0, "band_high": fitted + 0.1}
+    return replace(bare, models=models, agronomic=optimum, highest=160.0, dose=dose, **band)
 
 
 def axes(root: ET.Element) -> tuple[FloatArray, FloatArray]:
@@ -65,37 +71,48 @@ def test_response_chart__shows_each_parcel_at_its_dose_and_height() -> None:
     assert not [*root.iter("polyline"), *root.iter("polygon"), *root.iter("rect")]
 
 
-@pytest.mark.parametrize(("low", "high"), [(60.0, 120.0), (-500.0, 120.0)])
-def test_response_chart__shows_the_curve_its_band_and_the_rate(low: float, high: float) -> None:
+@pytest.mark.parametrize(("low", "high"), [(60.0, 120.0), (0.0, 160.0)])
+def test_response_chart__shows_the_curve_its_band_a_rival_and_the_optimum(low: float, high: float) -> None:
     found = response(Estimate(80.0, low, high))
-    assert found.curve is not None
     root = ET.fromstring(response_chart(DOSE, POINTS, found, "n_kg_ha"))
     places, read = axes(root)
     to_dose, to_height = (np.poly1d(np.polyfit(places[:, k], read[:, k], 1)) for k in range(2))
-    (line,), (band,) = root.iter("polyline"), root.iter("polygon")
-    assert to_dose(corners(line)[:, 0]) == pytest.approx(found.curve.dose, abs=0.05)
-    assert to_height(corners(line)[:, 1]) == pytest.approx(found.curve.fitted, abs=2e-4)
+    (rival, line), (band,) = root.iter("polyline"), root.iter("polygon")
+    for drawn, model in ((line, found.models[0]), (rival, found.models[1])):
+        assert to_dose(corners(drawn)[:, 0]) == pytest.approx(found.dose, abs=0.05)
+        assert to_height(corners(drawn)[:, 1]) == pytest.approx(model.fitted, abs=2e-4)
     above, below = corners(band)[:9], corners(band)[:8:-1]
-    for edge, heights_m in ((above, found.curve.band_high), (below, found.curve.band_low)):
-        assert to_dose(edge[:, 0]) == pytest.approx(found.curve.dose, abs=0.05)
+    for edge, heights_m in ((above, found.band_high), (below, found.band_low)):
+        assert to_dose(edge[:, 0]) == pytest.approx(found.dose, abs=0.05)
         assert to_height(edge[:, 1]) == pytest.approx(heights_m, abs=2e-4)
     rate, key = (shape for shape in root.iter("line") if "stroke-dasharray" in shape.attrib)
     assert span(key, "y")[0] > span(rate, "y")[1]  # the legend is below the chart
     assert to_dose(span(rate, "x")) == pytest.approx([80.0, 80.0], abs=0.05)
     (area,) = root.iter("rect")
-    left, right = to_dose(span(area, "x"))
-    assert right == pytest.approx(high, abs=0.1)
-    assert left == pytest.approx(max(low, -0.03 * 160.0), abs=0.1)  # no farther than the axis
+    assert to_dose(span(area, "x")) == pytest.approx([low, high], abs=0.1)
     for top, bottom in (span(rate, "y"), span(area, "y")):
         assert top < places[:, 1].min() < places[:, 1].max() < bottom
     assert corners(band)[:, 1].max() <= bottom
 
 
-def test_response_chart__has_no_rate_that_the_doses_do_not_show() -> None:
-    found = response(Estimate(300.0, 100.0, np.inf), shown=False)
-    root = ET.fromstring(response_chart(DOSE, POINTS, found, "n_kg_ha"))
-    assert not [*root.iter("rect")]
-    assert len([*root.iter("polyline")]) == 1
+def test_response_chart__has_no_dashes_at_an_optimum_beyond_the_doses() -> None:
+    root = ET.fromstring(response_chart(DOSE, POINTS, response(Estimate(160.0, 100.0, 160.0, False, True)), "dose"))
+    (key,) = (shape for shape in root.iter("line") if "stroke-dasharray" in shape.attrib)
+    assert span(key, "y")[0] > 320.0  # of the legend
+
+
+def test_residual_chart__has_each_parcel_over_what_is_expected_and_over_the_normal_distribution() -> None:
+    residual = np.where(KNOWN, HEIGHT_M - 0.55, np.nan)
+    root = ET.fromstring(residual_chart(np.where(KNOWN, 0.55 + 0.01 * np.arange(10), np.nan), residual, POINTS))
+    dots = np.array([(c.attrib["cx"], c.attrib["cy"]) for c in root.iter("circle") if c.attrib["r"] == "3.5"], float)
+    assert len(dots) == 2 * KNOWN.sum()
+    left, right = dots[: KNOWN.sum()], dots[KNOWN.sum() :]
+    assert (np.diff(left[:, 0]) > 0.0).all()
+    assert (np.diff(right[:, 0]) > 0.0).all()
+    assert (np.diff(right[:, 1]) <= 0.0).all()  # larger residuals are higher
+    assert left[:, 0].max() < right[:, 0].min()
+    assert sorted(left[:, 1]) == pytest.approx(sorted(right[:, 1]))
+    residual_chart(np.full(10, np.nan), np.full(10, np.nan), POINTS)
 
 
 @pytest.mark.parametrize("count", [1, 2, 8, 9, 11])

@@ -1,0 +1,265 @@
+"""A trial as it was laid out: response to the dose with blocks, factors, a covariate, split doses, sites and years."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from furrowmap.core.crops.dose_columns import dose_name, dose_unit, parcel_doses
+from furrowmap.core.crops.response import fit_response
+from furrowmap.core.crops.response_models import ModelName
+from furrowmap.core.crops.response_values import Response, ResponseQuestion
+from furrowmap.core.crops.response_words import MAX_P
+from furrowmap.core.crops.trial_tables import SITE, SPLIT, TREATMENT
+from furrowmap.core.crops.trial_variance import TrialFactors, Variance, analysis_of_variance, nested_probability
+from furrowmap.core.runtime.arrays import BoolArray, FloatArray
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.values.parcel import Parcel
+
+MIN_SITES: Final = 3
+"""From which on the mean of a dose at a site is an observation, if sites respond differently."""
+DOSE_FACTOR: Final = "dose"
+
+
+@dataclass(frozen=True)
+class TrialPlan:
+    """What is asked of a trial.
+
+    Attributes:
+        dose: column; None for the first so named.
+        model, ratio: as of :class:`~furrowmap.core.crops.response_values.ResponseQuestion`.
+        factors: columns of other factors.
+        covariate: column.
+        blocks: whether they are effects of their own.
+    """
+
+    dose: str | None = None
+    model: ModelName | None = None
+    ratio: float | None = None
+    factors: tuple[str, ...] = ()
+    covariate: str | None = None
+    blocks: bool = False
+
+
+@dataclass(frozen=True)
+class TrialPart:
+    """The parcels of a site, or of a level of a factor, and their response alone."""
+
+    by: str
+    label: str
+    response: Response
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a trial of n parcels shows.
+
+    Attributes:
+        dose_name, dose: column and (n,) values; None without a dose.
+        labels: of the treatment of each parcel; None where unknown.
+        response: of all parcels; of the means of a dose at each site where these respond differently.
+        parts: each site, and each level of each factor, alone.
+        differs: "site", a factor or "split" → probability of so different responses where there is no difference.
+        sentences: what it shows.
+    """
+
+    dose_name: str | None
+    dose: FloatArray | None
+    labels: tuple[str | None, ...]
+    response: Response | None
+    parts: tuple[TrialPart, ...]
+    differs: Mapping[str, float]
+    variance: Variance | None
+    sentences: tuple[str, ...]
+    notices: tuple[Notice, ...]
+
+
+def analyse_trial(parcels: Sequence[Parcel], value: FloatArray, plan: TrialPlan) -> Trial:
+    """What the values (n,) of parcels, nan where unknown, show of their treatments.
+
+    Raises InputError for a column that no parcel has.
+    """
+    name = dose_name(parcels, plan.dose)
+    dose = parcel_doses(parcels, name) if name is not None else None
+    factors = {factor: _levels(parcels, factor) for factor in plan.factors}
+    sites = _sites(parcels)
+    several = len(set(sites)) > 1
+    block = [
+        " ".join(filter(None, [site, (each.block or "") if plan.blocks else ""]))
+        for site, each in zip(sites, parcels, strict=True)
+    ]
+    covariate = _numbers(parcels, plan.covariate) if plan.covariate is not None else None
+    labels = _labels(parcels, dose)
+    known = np.isfinite(value) & np.array([level is not None for level in labels], bool)
+    for levels in factors.values():
+        known &= np.array([bool(level) for level in levels], bool)
+    if covariate is not None:
+        known &= np.isfinite(covariate)
+    notices: list[Notice] = []
+    try:
+        variance = _variance(value, known, labels, dose, factors, block, {plan.covariate or "": covariate})
+        differs = _differences(parcels, value, known, name, dose, factors, sites, block) if dose is not None else {}
+    except InputError as error:
+        notices.append(Notice("variance-missing", what=error.what, remedy=error.remedy))
+        variance = None
+        differs = {}
+    response = None
+    parts: list[TrialPart] = []
+    if dose is not None:
+        question = ResponseQuestion(plan.model, plan.ratio, dose_unit(name))
+        covariates = _covariates(factors, covariate)
+        response = fit_response(dose, value, block, question, covariates)
+        if several and differs.get(SITE, 1.0) <= MAX_P and len(set(sites)) >= MIN_SITES:
+            response = _over_sites(dose, value, sites, question, response)
+        split = {**({SITE: sites} if several else {}), **factors}
+        for by, levels in split.items():
+            for label in dict.fromkeys(filter(None, levels)):
+                own = np.array([level == label for level in levels])
+                alone = fit_response(
+                    np.where(own, dose, np.nan), value, block, question, covariates if by == SITE else None
+                )
+                parts.append(TrialPart(by, label, alone))
+    said = response.sentences if response is not None else ("The parcels have no doses.",)
+    sentences = (*said, *_difference_words(differs))
+    return Trial(name, dose, labels, response, tuple(parts), differs, variance, sentences, tuple(notices))
+
+
+def _difference_words(differs: Mapping[str, float]) -> list[str]:
+    sentences = []
+    for by, p in differs.items():
+        if by == "split":
+            sentences.append(
+                f"Equal sums of different single doses differ (p = {p:.2g})."
+                if p <= MAX_P
+                else f"No difference between equal sums of different single doses is shown (p = {p:.2g})."
+            )
+        elif p <= MAX_P:
+            sentences.append(f"The response differs by {by} (p = {p:.2g}): read each alone.")
+        else:
+            sentences.append(f"No difference of the response by {by} is shown (p = {p:.2g}).")
+    return sentences
+
+
+def _over_sites(
+    dose: FloatArray, value: FloatArray, sites: Sequence[str], question: ResponseQuestion, whole: Response
+) -> Response:
+    """The response of the means of each dose at each site: the sites are a sample, and their differences its error."""
+    cells: dict[tuple[str, float], list[float]] = {}
+    for site, at, each in zip(sites, dose.tolist(), value.tolist(), strict=True):
+        if math.isfinite(at) and math.isfinite(each):
+            cells.setdefault((site, at), []).append(each)
+    means = fit_response(
+        np.array([at for _, at in cells]),
+        np.array([float(np.mean(each)) for each in cells.values()]),
+        [site for site, _ in cells],
+        question,
+    )
+    return replace(means, parcels=whole.parcels, expected=whole.expected, residual=whole.residual)
+
+
+def _variance(
+    value: FloatArray,
+    known: BoolArray,
+    labels: Sequence[str | None],
+    dose: FloatArray | None,
+    factors: Mapping[str, Sequence[str]],
+    block: Sequence[str],
+    covariates: Mapping[str, FloatArray | None],
+) -> Variance | None:
+    rows = np.flatnonzero(known).tolist()
+    if not rows:
+        return None
+    first = TREATMENT
+    names: Sequence[str | None] = labels
+    if factors and dose is not None:
+        first = DOSE_FACTOR
+        names = [f"{each:g}" for each in dose]
+    split = {first: [str(names[k]) for k in rows]}
+    split |= {factor: [levels[k] for k in rows] for factor, levels in factors.items()}
+    beside = {name: column[rows] for name, column in covariates.items() if column is not None}
+    return analysis_of_variance(value[rows], TrialFactors(split, [block[k] for k in rows], beside))
+
+
+def _differences(
+    parcels: Sequence[Parcel],
+    value: FloatArray,
+    known: BoolArray,
+    name: str | None,
+    dose: FloatArray,
+    factors: Mapping[str, Sequence[str]],
+    sites: Sequence[str],
+    block: Sequence[str],
+) -> dict[str, float]:
+    """Probabilities of equal responses of sites, levels of factors, and single doses of the same sum."""
+    rows = np.flatnonzero(known & np.isfinite(dose)).tolist()
+    doses = [f"{dose[k]:g}" for k in rows]
+    own = value[rows]
+    blocks = [block[k] for k in rows]
+    split = [str(parcels[k].attributes.get(SPLIT.format(name), "")) for k in rows]
+    trials: dict[str, tuple[list[list[str]], list[str]]] = {SITE: ([doses], [sites[k] for k in rows])}
+    for factor, levels in factors.items():
+        trials[factor] = ([doses, [levels[k] for k in rows]], [levels[k] for k in rows])
+    trials["split"] = ([doses], split)
+    found = {}
+    for by, (coarse, levels) in trials.items():
+        if len(set(levels)) < 2:
+            continue
+        cells = [f"{one} {other}" for one, other in zip(doses, levels, strict=True)]
+        p = nested_probability(own, coarse, cells, blocks)
+        if p is not None:
+            found[by] = p
+    return found
+
+
+def _sites(parcels: Sequence[Parcel]) -> list[str]:
+    return [str(each.attributes.get(SITE, "")) for each in parcels]
+
+
+def _covariates(factors: Mapping[str, Sequence[str]], covariate: FloatArray | None) -> FloatArray | None:
+    """Columns (n, k) of the levels of factors beside their first, and of the covariate; nan where unknown."""
+    columns = []
+    for levels in factors.values():
+        names = list(dict.fromkeys(filter(None, levels)))
+        columns += [np.array([float(level == name) if level else np.nan for level in levels]) for name in names[1:]]
+    if covariate is not None:
+        columns.append(covariate)
+    return np.column_stack(columns) if columns else None
+
+
+def _column(parcels: Sequence[Parcel], name: str) -> str:
+    """The attribute of that name in any case."""
+    names = dict.fromkeys(key for each in parcels for key in each.attributes)
+    found = next((key for key in names if key.casefold() == name.casefold()), None)
+    if found is None:
+        raise InputError("trial-column-unknown", stated=name, is_number=False, names=", ".join(names) or "none")
+    return found
+
+
+def _levels(parcels: Sequence[Parcel], name: str) -> list[str]:
+    column = _column(parcels, name)
+    values = [each.attributes.get(column, "") for each in parcels]
+    return [f"{value:g}" if isinstance(value, float) else value for value in values]
+
+
+def _numbers(parcels: Sequence[Parcel], name: str) -> FloatArray:
+    column = _column(parcels, name)
+    values = [each.attributes.get(column) for each in parcels]
+    numbers = np.array([value if isinstance(value, float) else np.nan for value in values])
+    if not np.isfinite(numbers).any():
+        numeric = dict.fromkeys(
+            key for each in parcels for key, one in each.attributes.items() if isinstance(one, float)
+        )
+        raise InputError("trial-column-unknown", stated=name, is_number=True, names=", ".join(numeric) or "none")
+    return numbers
+
+
+def _labels(parcels: Sequence[Parcel], dose: FloatArray | None) -> tuple[str | None, ...]:
+    """The treatment of each parcel by name; by its dose where the treatments have no names."""
+    named = [each.attributes.get(TREATMENT) for each in parcels]
+    if any(name is not None for name in named):
+        return tuple(None if name is None else f"{name:g}" if isinstance(name, float) else name for name in named)
+    if dose is None:
+        return (None,) * len(parcels)
+    return tuple(f"{value:g}" if math.isfinite(value) else None for value in dose)
