@@ -212,7 +212,10 @@ class _Average:
         confidence = self._mean(lambda fit: fit.value_confidence(value, at, behind))
         mean = float(self.weights @ np.array([fit.value(at, behind) for fit in self.fits]))
         low, high = np.interp([1.0 - LIMIT_P, LIMIT_P], confidence, value).tolist()
-        return Gain(dose, until, mean, min(low, mean), max(high, mean))
+        least = 1e-9 * float(np.sqrt(self.fits[0].variance))  # on a plateau nothing is gained
+        return Gain(
+            dose, until, *(each if abs(each) > least else 0.0 for each in (mean, min(low, mean), max(high, mean)))
+        )
 
     def _mean(self, confidence: Callable[[ProfiledModel], FloatArray]) -> FloatArray:
         weights = _doubted(self.weights)

@@ -73,14 +73,19 @@
   <message><source>Clean point clouds</source><translation>点群を整える</translation></message>
   <message><source>Colour a point cloud by images</source><translation>画像で点群に色を付ける</translation></message>
   <message><source>Coloured point cloud</source><translation>色付き点群</translation></message>
+  <message><source>Column of a covariate</source><translation>共変量の列</translation></message>
+  <message><source>Column of a covariate, such as the yield of the year before.</source><translation>共変量（前年の収量など）の列。</translation></message>
   <message><source>Column of the dose</source><translation>施用量の列</translation></message>
   <message><source>Column of the dose [default: the first with a name such as n_kg_ha].</source><translation>施用量の列。省略時は n_kg_ha のような最初の列。</translation></message>
   <message><source>Column of the measure</source><translation>応答する量の列</translation></message>
   <message><source>Column of the response [default: mean_height_m].</source><translation>応答する量の列。省略時は mean_height_m。</translation></message>
   <message><source>Columns</source><translation>列数</translation></message>
+  <message><source>Columns of other factors</source><translation>ほかの要因の列</translation></message>
+  <message><source>Columns of sites and years</source><translation>場所と年の列</translation></message>
   <message><source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source><translation>農場マップに含まれるセッションのサーフェスを一つのラスタに結合します。重なる部分では最新のセッションを使います。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation></message>
   <message><source>Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.</source><translation>点を名前で対応させ、軸ごとに比較します。CLOUD_OR_DSM には計測した点の CSV も指定できます。</translation></message>
   <message><source>Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy Standards, Edition 2 (2023), and includes the accuracy of the points.</source><translation>点群またはサーフェスを測量点と比較します。RMSE は ASPRS Positional Accuracy Standards 第 2 版（2023）に従い、測量点の精度を含みます。</translation></message>
+  <message><source>Compares six shapes of the response to a dose, finds the dose that pays and the one beyond which nothing is gained, analyses the variance by treatment, factors and block, and computes growth from tables of several days. Writes charts, a table and response.json.</source><translation>施用量に対する応答の 6 つの曲線を比べ、採算の合う施用量と、それ以上増やしても効果がない施用量を求めます。処理、要因、ブロックによる分散分析も行い、複数の日の表から生育量を計算します。図、表、response.json を書き出します。</translation></message>
   <message><source>Compares the positions of GNSS logs with a reference at the same epochs: mean, standard deviation and RMSE in 3D, 2D, X, Y and Z, for all epochs and by fix type. Several services are compared in one table, and their tracks and errors become layers.</source><translation>GNSS ログの位置を同じエポックの基準と比較し、3D、2D、X、Y、Z の平均、標準偏差、RMSE を全エポックと測位解の種類ごとに求めます。複数のサービスは一つの表で比較され、軌跡と誤差はレイヤになります。</translation></message>
   <message><source>Compute the published method, too</source><translation>公表された方法も計算</translation></message>
   <message><source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation></message>
@@ -149,7 +154,6 @@
   <message><source>First day of a season (MM-DD)</source><translation>シーズンの最初の日（MM-DD）</translation></message>
   <message><source>First day of a season, such as 04-01; kept in MAP [default: 01-01].</source><translation>シーズンの最初の日（例：04-01）。農場マップに保存されます。省略時は 01-01。</translation></message>
   <message><source>First number</source><translation>最初の番号</translation></message>
-  <message><source>Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses the variance by treatment and block, and computes growth from tables of several days. Writes charts, a table and response.json.</source><translation>施用量に対する作物高の応答にロジスティック曲線を当てはめ、それ以上増やしても効果がない施用量を求めます。処理とブロックによる分散分析も行い、複数の日の表があれば生長速度も計算します。グラフ、表、response.json を書き出します。</translation></message>
   <message><source>Folder for evaluation.json, evaluation.html, evaluation.gpkg, services.csv and epochs.csv.</source><translation>evaluation.json、evaluation.html、evaluation.gpkg、services.csv、epochs.csv のフォルダ。</translation></message>
   <message><source>Folder of the season.</source><translation>シーズンのフォルダー。</translation></message>
   <message><source>Format</source><translation>形式</translation></message>
@@ -194,6 +198,8 @@
   <message><source>Leave out noise</source><translation>ノイズを除外</translation></message>
   <message><source>Leave out outliers and the noise classes 7 and 18 of the input.</source><translation>外れ値と、入力のノイズクラス 7、18 を除外します。</translation></message>
   <message><source>Leave out satellites below this elevation.</source><translation>この仰角より低い衛星を使いません。</translation></message>
+  <message><source>Leave out the effects of blocks</source><translation>ブロックの効果を除く</translation></message>
+  <message><source>Leave out the effects of blocks.</source><translation>ブロックの効果を除きます。</translation></message>
   <message><source>Leave out these classes; 64,65 are the machine in furrowmap's own clouds.</source><translation>これらのクラスを除外します。furrowmap の点群では 64,65 が車両と作業機です。</translation></message>
   <message><source>Length of a plot</source><translation>試験区の長さ</translation></message>
   <message><source>Length of a plot along the base line [default: from the two corners].</source><translation>基線に沿った試験区の長さ。省略時は二つの角の距離から求めます。</translation></message>
@@ -252,6 +258,8 @@
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
   <message><source>Of the services in the tables: one per line, in the order of the logs.</source><translation>表に示すサービス名。ログの順に 1 行に一つ。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
+  <message><source>One column per line, beside the dose.</source><translation>施用量のほかの要因の列を 1 行に 1 つ。</translation></message>
+  <message><source>One column per line, such as location and year.</source><translation>場所や年などの列を 1 行に 1 つ。</translation></message>
   <message><source>One per line, in the order of the clouds: 2017-05-23.</source><translation>点群の順に 1 行に 1 つ：2017-05-23。</translation></message>
   <message><source>One per line, in the order of the tables: 2017-05-23.</source><translation>表の順に 1 行に 1 日（例：2017-05-23）。</translation></message>
   <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>
@@ -295,12 +303,17 @@
   <message><source>PostGIS schema</source><translation>PostGIS スキーマ</translation></message>
   <message><source>PostGIS schema of the tables.</source><translation>テーブルの PostGIS スキーマ。</translation></message>
   <message><source>Preview only</source><translation>プレビューのみ</translation></message>
+  <message><source>Price of a unit of the dose</source><translation>施用量 1 単位の価格</translation></message>
+  <message><source>Price of a unit of the dose, such as a kilogram of nitrogen, for the economic optimum.</source><translation>施用量 1 単位（窒素 1 kg など）の価格。経済的最適量に使います。</translation></message>
+  <message><source>Price of a unit of the measure</source><translation>測定値 1 単位の価格</translation></message>
+  <message><source>Price of a unit of the measure, such as a tonne of grain per hectare.</source><translation>測定値 1 単位（1 ヘクタール当たり子実 1 t など）の価格。</translation></message>
   <message><source>Process only the task with this identifier or name.</source><translation>この識別子または名前の作業だけを処理します。</translation></message>
   <message><source>Products of a season</source><translation>シーズンの成果物</translation></message>
   <message><source>Products of the same recording in it are replaced.</source><translation>同じ記録の成果物は置き換えられます。</translation></message>
   <message><source>Projected CRS of the plots, such as EPSG:25832.</source><translation>試験区の投影座標系（例：EPSG:25832）。</translation></message>
   <message><source>Projected CRS, such as EPSG:6677 [default: chosen from the location].</source><translation>投影 CRS（例：EPSG:6677）。省略時は場所から選びます。</translation></message>
   <message><source>Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or implement detection. Replaces an earlier preview, never the products of a run.</source><translation>数秒で概略を確認します。軌跡と、少数のスキャンによる粗いサーフェスを作成し、スキャンマッチングと作業機の検出は行いません。以前のプレビューを置き換えますが、本処理の成果物は置き換えません。</translation></message>
+  <message><source>Ratio of these prices</source><translation>価格の比</translation></message>
   <message><source>Read the undamaged parts of damaged clouds.</source><translation>破損した部分を除いて点群を使います。</translation></message>
   <message><source>Reads recordings and writes a commented session.toml with everything that they contain. It lists what they do not contain, such as the mounting of the scanner, and leaves comments where you enter it.</source><translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation></message>
   <message><source>Recordings</source><translation>記録</translation></message>
@@ -339,6 +352,8 @@
   <message><source>Session with the intrinsics</source><translation>内部パラメータのあるセッション</translation></message>
   <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Sessions (JSON)</source><translation>セッション（JSON）</translation></message>
+  <message><source>Shape of the response</source><translation>応答の曲線</translation></message>
+  <message><source>Shape of the response; auto compares all and averages over them by weight.</source><translation>応答の曲線。auto はすべてを比べ、重みで平均します。</translation></message>
   <message><source>Share a result</source><translation>実行結果の共有</translation></message>
   <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its position, its angles and the directions of its axes in words, and draws them from the side and from above. Does not read the recordings.</source><translation>セッションの座標系を示します。地球、地図、車両、各センサの位置と角度、軸の向きを言葉で表します。図では横と上から見た様子を示します。記録は読み込みません。</translation></message>
   <message><source>Side</source><translation>側</translation></message>
@@ -373,6 +388,7 @@
   <message><source>The board is on the</source><translation>板のある場所</translation></message>
   <message><source>The dates are moved onto it: GeoTIFF, or CSV or GeoPackage of points.</source><translation>各日付の結果をこれに合わせて動かします。GeoTIFF、または点の CSV か GeoPackage です。</translation></message>
   <message><source>The farm's GeoPackage.</source><translation>農場の GeoPackage。</translation></message>
+  <message><source>The first price over the second, instead of both.</source><translation>両方の価格の代わりに、前者を後者で割った比。</translation></message>
   <message><source>The output MET reports whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
   <message><source>The report.json of each run; it represents the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
   <message><source>The report.json of the run; it represents the folder of the run.</source><translation>実行の report.json。実行結果のフォルダを表します。</translation></message>

@@ -9,7 +9,7 @@ import nbformat
 import pytest
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "app" / "notebooks").glob("*.ipynb"))
-FIGURES = {"any-cloud": 1, "nakagawa-et-al": 4}
+FIGURES = {"any-cloud": 1, "christiansen-et-al": 1, "nakagawa-et-al": 4}
 
 
 def test_notebooks__are_those_that_are_tested() -> None:

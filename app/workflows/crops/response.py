@@ -146,8 +146,8 @@ def _account(flight: _Flight) -> dict[str, Any]:
     return {
         "day": flight.day.isoformat() if flight.day is not None else None,
         "parcels": len(flight.parcels),
-        "sentences": list(trial.sentences),
         **(_response_account(trial.response) if trial.response is not None else {}),
+        "sentences": list(trial.sentences),
         "parts": [{"by": part.by, "label": part.label, **_response_account(part.response)} for part in trial.parts],
         "differs": dict(trial.differs),
         "variance": asdict(trial.variance) if trial.variance is not None else None,

@@ -208,3 +208,40 @@ def test_published_trial__by_the_command(shared_data: Path, tmp_path: Path, caps
 def test_prices__are_both_or_a_ratio(given: dict[str, float]) -> None:
     with pytest.raises(UsageError, match="belong together"):
         furrowmap.ResponseSettings(**given)  # type: ignore[arg-type]
+
+
+PAPER_DOSES = [
+    [], [50, 50], [50, 100], [50, 150], [50, 200], [50, 250], [50, 50, 100], [50, 50, 150], [50, 50, 200],
+    [50, 100, 50], [50, 100, 100], [50, 100, 150], [50, 50, 100, 50], [100], [200], [], [50, 50], [50, 100], [50, 150], [50, 150],
+    [50, 150, 100],
+]  # fmt: skip
+"""Table A1 of Christiansen et al. 2017: kg/ha of nitrogen at four dates; treatments 16 to 19 with an inoculant."""
+
+
+def test_plan_of_the_paper__is_dose_inoculant_and_dates(tmp_path: Path) -> None:
+    """Heights of equation 3, a centimetre more with the inoculant, and two more where a third dose was given."""
+    plan = ["treatment,2017-03-16,2017-04-20,2017-05-05,2017-06-07,inoculant"]
+    for k, each in enumerate(PAPER_DOSES):
+        cells = [*each, *[0] * (4 - len(each))]
+        plan.append(",".join(map(str, [k + 1, *cells, "JumpStart" if 15 <= k < 19 else "none"])))
+    (tmp_path / "plan.csv").write_text("\n".join(plan))
+    rng = np.random.default_rng(4)
+    rows = ["id,block,treatment,mean_height_m"]
+    for k in range(84):
+        treatment = k % 21
+        given = PAPER_DOSES[treatment][:3]
+        height = 0.34 + 0.24 / (1.0 + np.exp(-0.028 * (sum(given) - 85.0))) + rng.normal(0.0, 0.006)
+        height += 0.02 * (15 <= treatment < 19) + 0.02 * (len(given) == 3)
+        rows.append(f"{k + 1},{k // 21},{treatment + 1},{height:.4f}")
+    (tmp_path / "heights.csv").write_text("\n".join(rows))
+    settings = furrowmap.ResponseSettings(days=("2017-05-23",), factors=("inoculant",))
+    account = furrowmap.response([tmp_path / "heights.csv"], tmp_path / "plan.csv", tmp_path / "out", settings)
+    (flight,) = account["flights"]
+    assert flight["differs"]["split"] < 0.001
+    assert flight["differs"]["inoculant"] > 0.05  # the same at all doses
+    assert any("different single doses differ" in sentence for sentence in flight["sentences"])
+    sources = {row["source"]: row["p"] for row in flight["variance"]["rows"]}
+    assert sources["inoculant"] < 0.001
+    assert {part["label"] for part in flight["parts"]} == {"none", "JumpStart"}
+    assert len(flight["variance"]["cells"]) == 2 * 6
+    assert flight["doses"] == 6
