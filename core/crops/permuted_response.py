@@ -10,7 +10,7 @@ from furrowmap.core.runtime.arrays import FloatArray, IntArray
 PERMUTATIONS: Final = 1999
 """The least probability is 1 in 2000."""
 _AT_ONCE: Final = 250
-_COARSE: Final[dict[int, int]] = {0: 1, 1: 24, 2: 12}
+_COARSE_NODES: Final[dict[int, int]] = {0: 1, 1: 24, 2: 12}
 """Nodes of each axis, by the number of parameters of a shape."""
 
 
@@ -47,7 +47,7 @@ def p_of_no_response(
 def model_curves(scaled: FloatArray, name: str) -> FloatArray:
     """Curves (k, n) of a shape at scaled doses (n,)."""
     model = next(each for each in MODELS.values() if each.name == name)
-    axes = [np.linspace(low, high, _COARSE[model.parameters]) for low, high in model.box(np.unique(scaled))]
+    axes = [np.linspace(low, high, _COARSE_NODES[model.parameters]) for low, high in model.box(np.unique(scaled))]
     mesh = np.meshgrid(*axes, indexing="ij")
     theta = np.column_stack([axis.ravel() for axis in mesh]) if axes else np.zeros((1, 0))
     return model.unit(theta, scaled)

@@ -51,11 +51,11 @@ def fit_response(
     effects = np.eye(len(labels))[index]
     if covariates is not None and len(index):
         effects = np.column_stack([effects, covariates[known] - covariates[known].mean(axis=0)])
-    return _Trial(dose[known], value[known], index, effects, known, labels, question).response()
+    return _DoseTrial(dose[known], value[known], index, effects, known, labels, question).response()
 
 
 @dataclass(frozen=True)
-class _Trial:
+class _DoseTrial:
     """Observations (n,), their effects beside the dose (n, p), and the rows of the table (all,) that they are."""
 
     dose: FloatArray

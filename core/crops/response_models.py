@@ -24,9 +24,9 @@ MODEL_NAMES: Final[tuple[ModelName, ...]] = (
 )
 PLATEAU: Final = 0.95
 """Share of the rise of a curve without a highest point beyond which nothing is said to be gained."""
-STEEPEST: Final = 50.0
+STEEPEST_CURVE: Final = 50.0
 """A curve that levels off within this part of the least step of doses cannot be told from a step."""
-FLATTEST: Final = 50.0
+FLATTEST_CURVE: Final = 50.0
 """A curve that levels off at this multiple of the range of doses cannot be told from a straight line."""
 MAX_GRADIENT: Final = 20.0
 """Gradient of a logistic curve times the least step of doses."""
@@ -162,15 +162,15 @@ def _circle(_dose: FloatArray) -> FloatArray:
 
 
 def _joins(dose: FloatArray) -> FloatArray:
-    return np.array([[np.log(dose[1] / STEEPEST), np.log(FLATTEST)]])
+    return np.array([[np.log(dose[1] / STEEPEST_CURVE), np.log(FLATTEST_CURVE)]])
 
 
 def _joins_within(dose: FloatArray) -> FloatArray:
-    return np.array([[np.log(dose[1] / STEEPEST), 0.0]])
+    return np.array([[np.log(dose[1] / STEEPEST_CURVE), 0.0]])
 
 
 def _rates(dose: FloatArray) -> FloatArray:
-    return np.array([[-np.log(FLATTEST), np.log(STEEPEST / dose[1])]])
+    return np.array([[-np.log(FLATTEST_CURVE), np.log(STEEPEST_CURVE / dose[1])]])
 
 
 def _logistic_box(dose: FloatArray) -> FloatArray:

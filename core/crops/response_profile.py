@@ -21,7 +21,7 @@ FINE_ROUNDS: Final = 6
 """Finer grids around the best node."""
 TAIL: Final = 1e-3
 """Probability of each tail outside the grid."""
-ROUNDS: Final = 6
+NARROWING_ROUNDS: Final = 6
 MAX_SQUARE: Final = 1e200
 """Bound of quotients where nothing is left over."""
 DOSE_STEPS: Final = 241
@@ -252,7 +252,7 @@ def fit_model(name: ModelName, seen: Observations) -> ProfiledModel:
     factor = 1.0 + float(special.stdtrit(freedom, 1.0 - TAIL)) ** 2 / freedom
     number = PROFILE_NODES[model.parameters]
     nodes = _nodes_of(model, seen, _grid(box, number))
-    for _ in range(ROUNDS if model.parameters else 0):
+    for _ in range(NARROWING_ROUNDS if model.parameters else 0):
         narrowed = _around_likely(nodes, box, outer, number, factor)
         shrunk = np.diff(narrowed, axis=1)[:, 0] < 0.8 * np.diff(box, axis=1)[:, 0]
         box = narrowed
