@@ -1,18 +1,21 @@
 """Degenerate scenes and misstated sessions: stated sigmas against true errors, and what the run warns of.
 
-misstated.toml beside this file holds the scenes, each a recording of half a minute, and what is misstated on them. Of
-every case a run's trajectory and mounting are set against the truth. A cloud's error is that of points on the ground
-round the vehicle, as the true sensor sees them, placed by the run's poses and mounting; their stated sigma follows from
-that of the poses. The figure of merit is the worst ratio of error to sigma that no warning goes with.
+misstated.toml beside this file holds the scenes, each a recording of half a minute or a minute, and what is misstated
+on them. Scenes that are sample recordings are left out where these are not there. Of every case a run's trajectory
+and mounting are set against the truth. A cloud's error is that of points on the ground round the vehicle, as the true
+sensor sees them, placed by the run's poses and mounting; their stated sigma follows from that of the poses. The figure
+of merit is the worst ratio of error to sigma that no warning goes with.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import gzip
 import json
 import math
 import os
+import shutil
 import sys
 import tempfile
 import tomllib
@@ -29,7 +32,7 @@ import tomli_w
 from numpy.typing import NDArray
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
-from sessions import simulated
+from sessions import CACHE, simulated
 from trajectory_error import Poses, load_simulation, load_trajectory, rms
 
 import furrowmap
@@ -39,6 +42,8 @@ from furrowmap.process import keep_kernels
 FloatArray = NDArray[np.float64]
 
 TABLE = Path(__file__).with_suffix(".toml")
+SAMPLES = Path(__file__).parents[2] / "shared" / "data"
+"""Where the sample recordings are."""
 LARGEST = 5.0
 """Of error over sigma without a warning."""
 ROUND_M = (3.0, 6.0, 9.0)
@@ -146,7 +151,10 @@ def main() -> int:
         if options.only and not any(word in name for word in options.only):
             continue
         if name not in found:
-            recording = simulated(f"misstated_{scene}", table["scenes"][scene])
+            keys = table["scenes"][scene]
+            recording = SAMPLES / keys["sample"] if "sample" in keys else simulated(f"misstated_{scene}", keys)
+            if not recording.is_dir():
+                continue
             found[name] = case(recording, table["misstated"].get(what, {}), table["faulty"].get(scene, ()))
             keep(found, options.json)
         print(line(name, found[name]), flush=True)
@@ -186,7 +194,8 @@ def case(recording: Path, misstated: Mapping[str, Any], faulty: Sequence[str]) -
     """Run a recording with what is misstated in its session or positions."""
     names = (*misstated.get("names", ()), *faulty)
     causes = misstated.get("causes", ())
-    with tempfile.TemporaryDirectory(dir=recording) as folder:
+    CACHE.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=CACHE) as folder:
         session = _session(recording, Path(folder), misstated)
         try:
             furrowmap.run(session, Path(folder) / "out")
@@ -252,7 +261,7 @@ def judged(
     matching = report["accuracy"]["matching"]
     used = matching["mounting_rpy_deg"] if matching else session["lidar"]["rpy_deg"]
     shift_s = report["clocks"]["lidar_minus_gnss_used_s"]
-    truly = scenario["true_xyz_m"], scenario["true_rpy_deg"]
+    truly = [scenario.get(f"true_{key}", scenario[key]) for key in ("xyz_m", "rpy_deg")]
     ours = seen_ground(session["lidar"]["xyz_m"], used, *truly)
     off = placed(ours, poses) - placed(seen_ground(*truly, *truly), simulation.truth.at(poses.t_s + shift_s))
     e, n, h, roll, pitch, yaw = np.where(np.isfinite(stated), stated, 1e3).T
@@ -310,12 +319,12 @@ def _session(recording: Path, folder: Path, misstated: Mapping[str, Any]) -> Pat
     (folder / "gnss.nmea").write_text(_damaged(log, misstated.get("positions", {})), encoding="ascii", newline="")
     capture = recording / keys["recording"]["lidar"][0]
     if "product" in misstated:
-        _rewrite_product(capture, folder / capture.name, misstated["product"])
-    else:
-        os.link(capture, folder / capture.name)
+        rewrite_product(capture, folder / capture.name, misstated["product"])
     for beside in recording.glob("recording.*"):
         if not (folder / beside.name).exists():
-            os.link(beside, folder / beside.name)
+            _put_beside(beside, folder / beside.name)
+    if "fan_times" in misstated:
+        _widen_fan(folder / "recording.json", misstated["fan_times"])
     _write_boundary(recording / "boundary.geojson", folder, misstated.get("boundary", {}))
     truth = load_simulation(recording).truth.xyz_m
     if not misstated.get("whole"):
@@ -341,9 +350,29 @@ def part_of_ground(keys: dict[str, Any], folder: Path, middle_m: FloatArray) -> 
     keys.setdefault("field", {})["within"] = "part.geojson"
 
 
-def _rewrite_product(capture: Path, to: Path, product: int) -> None:
+def _put_beside(file: Path, to: Path) -> None:
+    """Link a file, or copy it to another file system."""
+    try:
+        os.link(file, to)
+    except OSError:
+        shutil.copyfile(file, to)
+
+
+def _widen_fan(metadata: Path, times: float) -> None:
+    """Multiply the elevations in an Ouster's metadata, as those of another line of the maker have them."""
+    said = json.loads(metadata.read_text(encoding="utf-8"))
+    said["beam_intrinsics"]["beam_altitude_angles"] = [
+        round(times * deg, 3) for deg in said["beam_intrinsics"]["beam_altitude_angles"]
+    ]
+    metadata.unlink()
+    metadata.write_text(json.dumps(said), encoding="utf-8")
+
+
+def rewrite_product(capture: Path, to: Path, product: int) -> None:
     """A Velodyne's capture whose data packets state another product."""
-    data = bytearray(capture.read_bytes())
+    opened = gzip.open if capture.suffix == ".gz" else open
+    with opened(capture, "rb") as file:
+        data = bytearray(file.read())
     at = 24
     packet = 42 + 1206
     while at < len(data):
@@ -351,15 +380,17 @@ def _rewrite_product(capture: Path, to: Path, product: int) -> None:
         at += 16 + length
         if length == packet:
             data[at - 1] = product
-    to.write_bytes(data)
+    with opened(to, "wb") as file:
+        file.write(data)
 
 
 def _write_boundary(boundary: Path, folder: Path, what: Mapping[str, Any]) -> None:
-    """The field's boundary, moved by `east_m` and `north_m`, or mirrored about its southern edge."""
+    """The field's boundary, moved by `east_m` and `north_m`, mirrored about its south, or turned about a corner."""
     layer = json.loads(boundary.read_text(encoding="utf-8"))
     for feature in layer["features"]:
         rings = feature["geometry"]["coordinates"]
         south = min(lat for _, lat, *_ in rings[0])
+        west = min(lon for lon, *_ in rings[0])
         for ring in rings:
             for place in ring:
                 east_deg = what.get("east_m", 0.0) / 111_320.0 / math.cos(math.radians(south))
@@ -367,6 +398,9 @@ def _write_boundary(boundary: Path, folder: Path, what: Mapping[str, Any]) -> No
                 place[1] += what.get("north_m", 0.0) / 111_132.0
                 if what.get("mirrored"):
                     place[1] = 2.0 * south - place[1]
+                if what.get("turned"):
+                    wide = math.cos(math.radians(south))
+                    place[:2] = west - (place[1] - south) / wide, south + (place[0] - west) * wide
     (folder / boundary.name).write_text(json.dumps(layer), encoding="utf-8")
 
 
@@ -374,14 +408,15 @@ def _damaged(log: str, what: Mapping[str, Any]) -> str:
     """NMEA sentences that state other places in some seconds after the first.
 
     Latitudes jump (`north_m`) or creep (`north_per_min_m`), heights step (`up_m`), creep (`up_per_min_m`), swing
-    (`swing_m` in `swing_s`) or are rounded (`round_m`); `frozen` are "heights" or "places" as at the begin; places are
-    zero where nothing is said.
+    (`swing_m` in `swing_s`), are rounded (`round_m`) or lie on a line from one to the next after `line_s`; `frozen` are
+    "heights" or "places" as at the begin; places are zero where nothing is said.
     """
     if not what:
         return log
     begin_s, end_s = what.get("seconds", (0.0, math.inf))
     lines, first_s = log.splitlines(), math.nan
     kept: dict[str, list[str]] = {}
+    lined_m = on_lines(lines, what["line_s"]) if "line_s" in what else {}
     for i, text in enumerate(lines):
         field = text.partition("*")[0].lstrip("$").split(",")
         kind = field[0][2:]
@@ -399,6 +434,9 @@ def _damaged(log: str, what: Mapping[str, Any]) -> str:
             field[at] = f"{field[at][:2]}{minutes:011.8f}"
         elif what.get("frozen") == "places":
             field[at : at + 4] = kept.setdefault(kind, field[at : at + 4])
+        elif "line_s" in what:
+            if i in lined_m:
+                field[9] = f"{lined_m[i]:.4f}"
         elif set(what) & {"up_m", "up_per_min_m", "swing_m", "round_m", "frozen"}:
             if kind == "GGA":
                 field[9] = _height(field[9], since_s, what, kept)
@@ -406,6 +444,16 @@ def _damaged(log: str, what: Mapping[str, Any]) -> str:
             field[at], field[at + 2] = "0000.00000000", "00000.00000000"
         lines[i] = sentence(field)
     return "\r\n".join(lines) + "\r\n"
+
+
+def on_lines(lines: Sequence[str], every_s: float) -> dict[int, float]:
+    """Altitudes by the number of the line, on straight lines in time between those of every so many seconds."""
+    fields = {i: text.split(",") for i, text in enumerate(lines) if text[3:6] == "GGA"}
+    clock = [field[1] for field in fields.values()]
+    at_s = np.array([3600.0 * int(t[:2]) + 60.0 * int(t[2:4]) + float(t[4:]) for t in clock])
+    height_m = np.array([float(field[9]) for field in fields.values()])
+    known = np.unique(np.searchsorted(at_s, np.arange(at_s[0], at_s[-1], every_s)))
+    return dict(zip(fields, np.interp(at_s, at_s[known], height_m[known]).tolist(), strict=True))
 
 
 def _height(text: str, since_s: float, what: Mapping[str, Any], kept: dict[str, list[str]]) -> str:

@@ -25,7 +25,18 @@ from typing import Any
 import numpy as np
 import pyogrio
 import tomli_w
-from misstated import LARGEST, conclude, finished, keep, options_of, part_of_ground, placed, sentence
+from misstated import (
+    LARGEST,
+    conclude,
+    finished,
+    keep,
+    on_lines,
+    options_of,
+    part_of_ground,
+    placed,
+    rewrite_product,
+    sentence,
+)
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from trajectory_error import Poses, load_trajectory, rms
@@ -214,6 +225,9 @@ def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_
     for name, change in (("gnss", _positions), ("imu", _inertial), ("parcels", _parcels), ("points", _points)):
         if name in misstated:
             change(folder, keys, misstated[name])
+    if "product" in misstated:
+        capture = folder / keys["recording"]["lidar"][0]
+        rewrite_product(capture, capture, misstated["product"])
     if not (misstated.keys() & {"gnss", "parcels"}) and misstated and "check_points" not in keys.get("field", {}):
         keys.pop("parcels", None)
         truth = np.loadtxt(session.parent / "truth" / "trajectory.csv", delimiter=",", skiprows=1, usecols=(1, 2))
@@ -229,7 +243,9 @@ def _positions(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -
     lines: list[str] = []
     first_s: float | None = None
     frozen: dict[str, list[str]] = {}
-    for text in path.read_text(encoding="ascii").splitlines():
+    texts = path.read_text(encoding="ascii").splitlines()
+    lined_m = on_lines(texts, what["line_s"]) if "line_s" in what else {}
+    for number, text in enumerate(texts):
         field = text.partition("*")[0].lstrip("$").split(",")
         kind = field[0][2:]
         if kind in ("GGA", "RMC", "GST"):
@@ -239,7 +255,9 @@ def _positions(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -
                 field[1] = _time_of_day(at_s + what["late_s"])
             begin_s, end_s = what.get("seconds", (0.0, np.inf))
             if begin_s <= at_s - first_s < end_s:
-                _change_sentence(kind, field, what, at_s - first_s)
+                _change_sentence(kind, field, what, at_s - first_s - begin_s)
+                if number in lined_m:
+                    field[9] = f"{lined_m[number]:.4f}"
                 if "frozen" in what:
                     _freeze(field, frozen.setdefault(kind, field.copy()), what["frozen"])
         if kind == "GST" and what.get("without_gst"):
@@ -341,7 +359,7 @@ def _inertial(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) ->
 
 
 def _parcels(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -> None:
-    """Shift the parcels, turn them, or exchange them."""
+    """Shift the parcels, mirror or turn them, or exchange their names."""
     path = folder / keys["parcels"]["file"]
     layer = json.loads(path.read_text(encoding="utf-8"))
     by = np.array([what.get("east_m", 0.0), what.get("north_m", 0.0)])
@@ -356,9 +374,11 @@ def _parcels(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -> 
         lat_deg = rings[0][0][1]
         scale = np.array([DEGREE_M * np.cos(np.radians(lat_deg)), DEGREE_M])
         mirror = np.array(what.get("times", (1.0, 1.0)))
+        turn = Rotation.from_euler("z", what.get("turned_deg", 0.0), degrees=True).as_matrix()[:2, :2]
 
         def place(point: list[float]) -> list[float]:
-            at = middle + mirror * (np.array(point[:2]) - middle) + by / scale
+            off_m = turn @ (scale * mirror * (np.array(point[:2]) - middle))
+            at = middle + (off_m + by) / scale
             east, north = at.tolist()
             return [north, east] if what.get("swapped") else [east, north]
 

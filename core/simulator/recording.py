@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from io import BufferedIOBase
 from pathlib import Path
@@ -212,7 +212,7 @@ FIRING_S: Final = 55.296e-6
 BLOCKS_PER_PACKET: Final = 12
 """Blocks in a packet, each of two firings of all lasers."""
 AZIMUTH_STEP_DEG: Final = 0.01
-PRODUCT_ID: Final = 0x22
+PRODUCT_ID: Final = {"VLP-16": 0x22, "Puck Hi-Res": 0x24}
 POSITION_PORT: Final = 8308
 HOUR_US: Final = 3_600_000_000
 POSITION_BYTES: Final = 512
@@ -234,7 +234,7 @@ def vlp16_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: in
     packets["blocks"]["azimuth"] = np.repeat(azimuth, 2, axis=1) if mode == "dual" else azimuth
     stamp_us = np.round(spin.time_s(firing[:: spin.firings_a_packet]) * 1e6).astype(np.int64)
     packets["stamp_us"] = (stamp_us + clock_us(scenario, site)) % HOUR_US
-    packets["factory"] = RETURN_MODE[mode], PRODUCT_ID
+    packets["factory"] = RETURN_MODE[mode], PRODUCT_ID[scenario.lidar.model]
     return packets.view(np.uint8).reshape(n, 1206)
 
 
@@ -260,6 +260,18 @@ VLP16: Final = ScannerModel(
     packets=vlp16_packets,
     position_packets=True,
     stated="VLP-16",
+)
+
+HI_RES_ELEVATION_DEG: Final = np.array(
+    [-10.0, 0.667, -8.667, 2.0, -7.333, 3.333, -6.0, 4.667, -4.667, 6.0, -3.333, 7.333, -2.0, 8.667, -0.667, 10.0]
+)
+HI_RES_OFFSET_M: Final = 1e-3 * np.array(
+    [7.4, -0.9, 6.5, -1.8, 5.5, -2.7, 4.6, -3.7, 3.7, -4.6, 2.7, -5.5, 1.8, -6.5, 0.9, -7.4]
+)
+HI_RES: Final = replace(
+    VLP16,
+    beams=replace(VLP16.beams, elevation_deg=HI_RES_ELEVATION_DEG, height_m=HI_RES_OFFSET_M),
+    stated="Puck Hi-Res",
 )
 
 
@@ -475,7 +487,7 @@ MID360: Final = ScannerModel(
 )
 
 
-SCANNERS: Final = {"VLP-16": VLP16, "OS1-32": OS1_32, "PandarXT-32": XT32, "Mid-360": MID360}
+SCANNERS: Final = {"VLP-16": VLP16, "Puck Hi-Res": HI_RES, "OS1-32": OS1_32, "PandarXT-32": XT32, "Mid-360": MID360}
 """By the name in a scenario."""
 _FIRINGS_PER_BATCH: Final = 9600
 """Firings cast together, half a second of a VLP-16."""

@@ -394,7 +394,7 @@ class ScenarioLidar(ScenarioTable, frozen=True):
     """The scanner and its mounting."""
 
     model: Annotated[
-        Literal["VLP-16", "OS1-32", "PandarXT-32", "Mid-360"],
+        Literal["VLP-16", "Puck Hi-Res", "OS1-32", "PandarXT-32", "Mid-360"],
         Meta(description="an OS1-32 has 32 beams and 1024 columns; a Mid-360 has no rings and is recorded in a bag"),
     ] = "VLP-16"
     xyz_m: Annotated[Vector3, Meta(description="sensor origin in the vehicle frame, as stated in the session")] = (

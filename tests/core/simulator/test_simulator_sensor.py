@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.simulator.capture import FILE_HEADER, records
 from furrowmap.core.simulator.rays import Returns
-from furrowmap.core.simulator.recording import ELEVATION_DEG, MID360, VERTICAL_OFFSET_M, VLP16, XT32, vlp16_packets
+from furrowmap.core.simulator.recording import HI_RES, MID360, VLP16, XT32, ScannerModel, vlp16_packets
 from furrowmap.core.simulator.scenario import Scenario, ScenarioClock, ScenarioLidar
 from furrowmap.core.simulator.simulate import Simulated
 from furrowmap.core.simulator.site import SimulatedSite
@@ -37,8 +37,8 @@ def returns_of(n: int, seed: int = 0) -> Returns:
     return Returns(ticks, bright, np.ones((2, n, 16), np.uint8), np.full((2, n, 16), -1, np.int32))
 
 
-def decoded(packets: NDArray[np.uint8], mode: str = "strongest") -> NDArray[Any]:
-    decoder = vd.StreamDecoder(vd.Config(model=vd.Model.VLP16, min_range=0.0, max_range=200.0))
+def decoded(packets: NDArray[np.uint8], model: vd.Model = vd.Model.VLP16) -> NDArray[Any]:
+    decoder = vd.StreamDecoder(vd.Config(model=model, min_range=0.0, max_range=200.0))
     scans = [
         decoder.decode(1.78e9 + 0.001 * i, packet.tobytes(), as_pcl_structs=True) for i, packet in enumerate(packets)
     ]
@@ -46,25 +46,35 @@ def decoded(packets: NDArray[np.uint8], mode: str = "strongest") -> NDArray[Any]
     return np.concatenate([scan[1] for scan in scans if scan is not None])
 
 
-@pytest.mark.parametrize("rpm", [300, 600, 1200])
-def test_data_packets__are_decoded_as_the_returns_that_went_in(rpm: int) -> None:
-    scenario = Scenario(lidar=ScenarioLidar(rpm=rpm))  # type: ignore[arg-type]
-    spin, returns = VLP16.spin(scenario, 20.0), returns_of(24 * 100)
-    points = decoded(vlp16_packets(scenario, SITE, spin, 0, returns))
+@pytest.mark.parametrize(
+    ("name", "rpm", "model", "decoder"),
+    [
+        ("VLP-16", 300, VLP16, vd.Model.VLP16),
+        ("VLP-16", 600, VLP16, vd.Model.VLP16),
+        ("VLP-16", 1200, VLP16, vd.Model.VLP16),
+        ("Puck Hi-Res", 600, HI_RES, vd.Model.PuckHiRes),
+    ],
+)
+def test_data_packets__are_decoded_as_the_returns_that_went_in(
+    name: str, rpm: int, model: ScannerModel, decoder: vd.Model
+) -> None:
+    scenario = Scenario(lidar=ScenarioLidar(model=name, rpm=rpm))  # type: ignore[arg-type]
+    spin, returns = model.spin(scenario, 20.0), returns_of(24 * 100)
+    points = decoded(model.packets(scenario, SITE, spin, 0, returns), decoder)
     there = returns.ticks[0] > 0
     assert len(points) == there.sum()
-    order = np.argsort(np.argsort(ELEVATION_DEG))
+    order = np.argsort(np.argsort(model.beams.elevation_deg))
     assert (points["ring"] == np.broadcast_to(order, there.shape)[there]).all()
     assert (points["intensity"] == returns.reflectivity[0][there]).all()
     # range and direction by the formulas of the manual, at the true azimuth of each laser
     firing_s = spin.time_s(np.arange(24 * 100))
     t_s = firing_s[:, None] + 2.304e-6 * np.arange(16)
     azimuth = 2.0 * np.pi * spin.turns(t_s)
-    elevation = np.radians(ELEVATION_DEG)
+    elevation = np.radians(model.beams.elevation_deg)
     r = returns.ticks[0] * 0.002
     x = r * np.cos(elevation) * np.cos(azimuth)
     y = -r * np.cos(elevation) * np.sin(azimuth)
-    z = r * np.sin(elevation) + VERTICAL_OFFSET_M
+    z = r * np.sin(elevation) + model.beams.height_m
     stated = np.stack([points["x"], points["y"], points["z"]], axis=-1)
     true = np.stack([x, y, z], axis=-1)[there]
     off = np.abs(stated - true).max(axis=1)
