@@ -211,11 +211,17 @@ def case(recording: Path, misstated: Mapping[str, Any], faulty: Sequence[str]) -
             errors |= {name: error for name, (error, _) in worked.items()}
             sigmas |= {name: sigma for name, (_, sigma) in worked.items()}
     codes = sorted({warning["code"] for warning in report["warnings"]})
-    return Judged(names, "", errors, sigmas, codes, causes, blamed(codes, report["verdict"].get("cause")))
+    causing = [warning["code"] for warning in report["warnings"] if warning["follows"] is None]
+    return Judged(names, "", errors, sigmas, codes, causes, blamed(causing, report["verdict"].get("cause")))
 
 
 def blamed(codes: Sequence[str], cause: str | None) -> list[str]:
-    """The causes that warnings and a verdict name; a verdict of an unknown cause names none."""
+    """The causes that warnings and a verdict name; a verdict of an unknown cause names none.
+
+    Args:
+        codes: of warnings that follow from no other.
+        cause: of the verdict.
+    """
     named = {BLAMES[begin] for begin in BLAMES for code in codes if code.startswith(begin)}
     if cause is not None and cause != "unknown":
         named.add(CAUSES_ALIKE.get(cause, cause))

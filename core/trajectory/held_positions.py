@@ -31,6 +31,18 @@ HELD_WITHIN_M: Final = 0.0006
 HELD_SLOPE: Final = 0.1
 """By how much of the way the ground rises or falls unseen (one standard deviation)."""
 LEAST_HELD_SIGMA_M: Final = 0.5
+MIN_EVERY: Final = 4
+"""Positions from one that was measured to the next, in a log that draws lines between them."""
+LINED_LOOKED_AT: Final = 6_000
+"""Positions that show whether a log does so."""
+ON_LINES_M: Final = 0.0011
+"""Rounding of both to millimetres."""
+ON_LINES_SHARE: Final = 0.98
+"""Share of the positions that lie on the lines; the others are at gaps."""
+MIN_LINES: Final = 8
+MIN_BEND_M: Final = 0.006
+"""Measured heights bend so much from one of them to the next (median), if the lines between are none of the vehicle's
+own way: on any smooth way the bend is four times as large as what lies beside the lines."""
 SAME_M: Final = 0.002
 """Heights that differ by less are the same but for the geoid's slope."""
 MAX_CHANGES: Final = 0.5
@@ -94,10 +106,11 @@ def held_against_motion(track: GnssTrack, en_m: FloatArray, notices: list[Notice
 
 
 def measured_heights(positions: Positions) -> NDArray[np.bool_]:
-    """Which of the heights (m,) are neither held nor rounded, so that they show the antenna's sway."""
-    if rounding_m(positions.xyz_m[:, 2]) > ROUNDED_M:
+    """Which of the heights (m,) are neither held, interpolated nor rounded, so that they show the antenna's sway."""
+    height_m = positions.xyz_m[:, 2]
+    if rounding_m(height_m) > ROUNDED_M or lined_every(height_m):
         return np.zeros(len(positions.t_s), np.bool_)
-    return ~held_heights(positions.xyz_m[:, 2], positions.xyz_m[:, :2])
+    return ~held_heights(height_m, positions.xyz_m[:, :2])
 
 
 def without_held(track: GnssTrack, unused: dict[str, int], notices: list[Notice]) -> GnssTrack:
@@ -151,6 +164,25 @@ def rounding_m(height_m: FloatArray) -> float:
     step_m = np.abs(np.diff(height_m))
     changes = step_m > SAME_M
     return float(step_m[changes].min()) if changes.any() and changes.mean() < MAX_CHANGES else 0.0
+
+
+def lined_every(height_m: FloatArray) -> int:
+    """Number of positions from one that was measured to the next, if heights (n,) lie on lines between; 0 if not.
+
+    Lines that last as long as those of :func:`held_heights` are left to it.
+    """
+    first = max(0, (len(height_m) - LINED_LOOKED_AT) // 2)
+    height_m = height_m[first : first + LINED_LOOKED_AT]
+    number = np.arange(len(height_m))
+    for every in range(MIN_EVERY, min(HELD_POSITIONS, len(height_m) // MIN_LINES)):
+        for phase in range(every):
+            node_m = height_m[phase::every]
+            inside = number[phase : phase + every * (len(node_m) - 1) + 1]
+            beside_m = np.abs(height_m[inside] - np.interp(inside, number[phase::every], node_m))
+            bend_m = np.abs(node_m[1:-1] - 0.5 * (node_m[:-2] + node_m[2:]))
+            if np.mean(beside_m < ON_LINES_M) > ON_LINES_SHARE and np.median(bend_m) > MIN_BEND_M:
+                return every
+    return 0
 
 
 def held_heights(height_m: FloatArray, en_m: FloatArray) -> NDArray[np.bool_]:

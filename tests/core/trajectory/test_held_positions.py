@@ -90,6 +90,32 @@ def test_kept_and_interpolated_heights__get_large_standard_deviations_and_no_oth
     assert not seen[inside].any()
 
 
+def sway(seed: int, noise_m: float) -> FloatArray:
+    """Heights of an antenna that sways by a centimetre at 1 to 3 Hz, with the receiver's noise."""
+    rng = np.random.default_rng(seed)
+    since_s = T_S - T_S[0]
+    waves = [0.008 * np.sin(2.0 * np.pi * (f * since_s + rng.uniform())) for f in (1.1, 1.7, 2.6)]
+    return 300.0 + 0.01 * since_s + np.sum(waves, axis=0) + rng.normal(0.0, noise_m, N)
+
+
+@pytest.mark.parametrize("every", [5, 10, 20])
+@pytest.mark.parametrize("phase", [0, 3])
+@pytest.mark.parametrize("digits", [3, 4])
+def test_heights_on_lines_between_measured_ones__do_not_show_the_sway(every: int, phase: int, digits: int) -> None:
+    number = np.arange(N)
+    height_m = np.round(np.interp(number, number[phase::every], sway(every, 0.006)[phase::every]), digits)
+    track, _ = judged(log(height_m))
+    assert not measured_heights(positions_without_steps(track, way())).any()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 999), st.sampled_from([0.0, 0.0003, 0.002, 0.02]))
+def test_heights_that_sway__are_measured(seed: int, noise_m: float) -> None:
+    """Also where a filter of the receiver left no noise."""
+    track, _ = judged(log(sway(seed, noise_m)))
+    assert measured_heights(positions_without_steps(track, way())).all()
+
+
 def test_heights_kept_at_a_stand__are_a_receivers_own() -> None:
     still = np.zeros((N, 2))
     assert judged(log(np.full(N, 300.0), still), still)[1] == []
