@@ -155,6 +155,7 @@ def test_run__leaves_the_users_own_session_file_alone(session: Path, capsys: pyt
     assert "-o" in err
 
 
+@pytest.mark.slow
 def test_simulate__writes_a_recording_that_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = tmp_path / "short.toml"
     scenario.write_text(

@@ -7,6 +7,7 @@ from itertools import islice, takewhile
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.live.poses import LivePose, LivePoses
@@ -45,6 +46,7 @@ def off_deg(poses: list[LivePose], truth: Trajectory) -> NDArray[np.float64]:
     return off
 
 
+@pytest.mark.slow
 def test_poses__are_right_as_they_come(straight: Recording) -> None:
     """The drive's last metre has a kink, in which the vehicle turns by 2° in a scan: it is found again."""
     poses = poses_of(straight.opened, straight.scans())
