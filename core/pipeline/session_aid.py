@@ -11,6 +11,7 @@ import numpy as np
 from furrowmap.core.images.aiding import ImageAid, aid_by_images, unused
 from furrowmap.core.images.control_points import ControlPoints
 from furrowmap.core.images.features import ImageFeatures, find_features
+from furrowmap.core.images.image_positions import held_against_images
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.text_table import read_table
@@ -76,6 +77,8 @@ def aid_session(
         control = ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
     images = opened.images(notices)
     camera = opened.camera()
+    located, found = held_against_images(located, images, camera, opened.frame, scale)
+    notices += found
     return aid_by_images(located, images, camera, scale, control, notices, progress, features)
 
 
