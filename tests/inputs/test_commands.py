@@ -1,4 +1,4 @@
-"""A field folder of AgOpenGPS in every option and argument of commands that takes polygons, as the command is typed."""
+"""Commands as they are typed: polygons, points and logs with each property are what the plain file is."""
 
 from __future__ import annotations
 
@@ -16,8 +16,12 @@ from rasterio.transform import from_origin
 from furrowmap.cli.main import command_line
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.session.opened import open_session
+from tests.inputs.test_logs import ALL as LOGS
+from tests.inputs.test_logs import EPOCHS, FORMATS, log
 from tests.inputs.test_matrix import KINDS
-from tests.inputs.test_polygons import EAST, MAP, NORTH, RING, agopengps
+from tests.inputs.test_points import PROPERTIES as POINTS
+from tests.inputs.test_points import surface
+from tests.inputs.test_polygons import EAST, MAP, NORTH, PROPERTIES, RING, agopengps
 
 POLYGONS = next(kind for kind in KINDS if kind["title"] == "Polygons")
 TAKEN = [name for names in POLYGONS["places"].values() for name in names if " " in name]
@@ -93,6 +97,65 @@ def test_a_field_folder__is_what_a_geopackage_is(
     same = {key: value for key, value in by_folder.items() if not any(word in key for word in varying)}
     assert same
     assert same == pytest.approx({key: by_file[key] for key in same}, rel=1e-3, abs=2e-3)
+
+
+ELSEWHERE = {name for name in PROPERTIES if "180°" in name}
+"""On another map than that of the cloud."""
+TURNS = [name for name in TAKEN if name not in SLOW]
+TYPED = [(name, TURNS[k % len(TURNS)]) for k, name in enumerate(PROPERTIES) if name not in ELSEWHERE]
+VARYING = ("elapsed", "duration", "seconds", "size", "bytes")
+
+
+def told(typed: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, float]:
+    found = numbers(answer(typed, capsys))
+    return {key: value for key, value in found.items() if not any(word in key for word in VARYING)}
+
+
+@pytest.mark.parametrize(("stated", "place"), TYPED)
+def test_polygons__of_each_kind_are_what_a_geopackage_is(
+    stated: str, place: str, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each property with one of the commands in turn."""
+    (tmp_path / "given").mkdir()
+    make, shapes = PROPERTIES[stated]
+    plain = tmp_path / "plain.gpkg"
+    names = ["A1", "B2"][: len(shapes)]
+    gpd.GeoDataFrame({"name": names}, geometry=list(shapes), crs=MAP).to_file(plain, engine="pyogrio")
+    found = told(words(site, place, make(tmp_path / "given"), tmp_path / "a"), capsys)
+    same = told(words(site, place, plain, tmp_path / "b"), capsys)
+    assert found
+    assert found == pytest.approx({key: same[key] for key in found}, rel=1e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("stated", POINTS)
+def test_points__of_each_kind_are_what_a_table_is(
+    stated: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dsm = surface(tmp_path)
+    (tmp_path / "given").mkdir()
+    (tmp_path / "plain").mkdir()
+    given = POINTS[stated](tmp_path / "given")
+    plain = POINTS["table"](tmp_path / "plain")
+    found, same = (told(["check", str(dsm), str(path), "--json"], capsys) for path in (given, plain))
+    assert found
+    assert found == pytest.approx(same, rel=1e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("stated", LOGS)
+def test_logs__of_each_kind_are_what_the_plain_one_is(
+    stated: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = log(tmp_path, stated)
+    plain = tmp_path / "plain"
+    plain.write_text(FORMATS[stated.split(": ")[0]](), newline="")
+    (one,) = answer(["inspect", str(given), "--json"], capsys)["files"]
+    (same,) = answer(["inspect", str(plain), "--json"], capsys)["files"]
+    assert one["facts"]["epochs"] == same["facts"]["epochs"] == EPOCHS
+    assert one["facts"]["place"] == same["facts"]["place"]
+    out = tmp_path / "out"
+    typed = ["gnss", "evaluate", str(given), "--reference", str(plain), "-o", str(out), "--json"]
+    assert command_line(typed) == 0
+    capsys.readouterr()
 
 
 def test_sample__a_session_takes_a_field_folder(shared_data: Path) -> None:

@@ -118,6 +118,40 @@ PROPERTIES = ALL
 REFUSED: tuple[str, ...] = ()
 
 
+ACROSS = "across 180°"
+LON_DEG = 180.0 + 1e-6 * (np.arange(EPOCHS) - 9.5)
+
+
+def east_of(lon: float) -> float:
+    return (lon + 180.0) % 360.0 - 180.0
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_logs__across_180_degrees_are_one_drive(form: str, tmp_path: Path) -> None:
+    lines = FORMATS[form]().splitlines(keepends=True)
+    places = (lon for lon in LON_DEG.tolist())
+    text = ""
+    for line in lines:
+        if "01000.0000000,E" in line:
+            lon = east_of(next(places))
+            body = f"{int(abs(lon)):03d}{60 * (abs(lon) % 1):010.7f},{'E' if lon > 0 else 'W'}"
+            line = sentence(line[1:].split("*")[0].replace("01000.0000000,E", body))
+        elif " 10.000000000 " in line:
+            line = line.replace(" 10.000000000 ", f" {east_of(next(places)):.9f} ")
+        text += line
+    path = tmp_path / "log"
+    path.write_text(text)
+    reader = open_recording([path], ReadOptions())
+    assert isinstance(reader, GivesTrack)
+    off = east_of(np.asarray(reader.track().lon_deg) - LON_DEG)  # type: ignore[arg-type]
+    np.testing.assert_allclose(off, 0.0, rtol=0, atol=1e-9)
+    place = Recognised.by_content(path).inspect().facts["place"]
+    assert abs(place["lon_deg"]) == pytest.approx(180.0, abs=1e-4)
+    (tmp_path / "same").write_text(text)
+    evaluated = evaluate_gnss({"log": path}, tmp_path / "same")["log"]
+    assert len(evaluated.fix) == EPOCHS
+
+
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("stated", ALL)
 def test_positions__do_not_depend_on_how_a_log_is_written(stated: str, place: str, tmp_path: Path) -> None:

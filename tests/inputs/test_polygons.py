@@ -6,6 +6,7 @@ import gzip
 import json
 import zipfile
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,10 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.coverage.boundary import field_boundary, ground_to_map
 from furrowmap.core.crops.parcels import read_parcels
-from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.trial_files import TrialFiles
 from furrowmap.core.values.session import Crs
@@ -33,6 +35,19 @@ HOLE = shapely.box(EAST + 20.0, NORTH + 20.0, EAST + 40.0, NORTH + 40.0)
 A = shapely.box(EAST, NORTH, EAST + 100.0, NORTH + 50.0)
 RING = A.difference(HOLE)
 B = shapely.box(EAST + 130.0, NORTH, EAST + 150.0, NORTH + 40.0)
+
+
+@dataclass(frozen=True)
+class Site:
+    """A map, and places on it that were driven, in each of the fields."""
+
+    crs: CRS
+    frame: MapFrame
+    driven: FloatArray
+
+
+HERE = Site(MAP, FRAME, np.array([[EAST + 5.0, NORTH + 5.0], [EAST + 140.0, NORTH + 5.0]]))
+FIJI = Site(CRS.from_epsg(32760), map_frame(Crs(map="EPSG:32760")), np.array([[819_789.0, 8_140_176.0]]))
 FIELDS = gpd.GeoDataFrame({"id": ["A1", "B2"]}, geometry=[RING, B], crs=MAP)
 WHOLE = gpd.GeoDataFrame({"id": ["A1", "B2"]}, geometry=[A, B], crs=MAP)
 HIGH = FIELDS.set_geometry(shapely.force_3d([RING, B], 90.0))
@@ -168,6 +183,24 @@ def beside(*others: BaseGeometry | None) -> gpd.GeoDataFrame:
     return gpd.GeoDataFrame({"id": ["A1", "B2", *["x"] * len(others)]}, geometry=[RING, B, *others], crs=MAP)
 
 
+def across(folder: Path, *rings: list[list[float]]) -> Path:
+    """A field across 180°, in one polygon or several."""
+    geometry = {"type": "MultiPolygon", "coordinates": [[ring] for ring in rings]}
+    feature = {"type": "Feature", "properties": {"id": "A1"}, "geometry": geometry}
+    path = folder / "a.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    return path
+
+
+def box_deg(west: float, east: float, south: float = -16.8, north: float = -16.7995) -> list[list[float]]:
+    return [[west, south], [east, south], [east, north], [west, north], [west, south]]
+
+
+TO_FIJI = Transformer.from_crs(4326, FIJI.crs, always_xy=True)
+ISLAND = shapely.transform(
+    shapely.segmentize(shapely.Polygon(box_deg(179.9995, 180.0005)), 1e-5),
+    lambda xy: np.column_stack(TO_FIJI.transform(*xy.T)),
+)
 Made = Callable[[Path], Path]
 PROPERTIES: Mapping[str, tuple[Made, tuple[BaseGeometry, ...]]] = {
     "GeoPackage": (lambda folder: layer(folder, "a.gpkg"), (RING, B)),
@@ -204,6 +237,11 @@ PROPERTIES: Mapping[str, tuple[Made, tuple[BaseGeometry, ...]]] = {
     "field folder of AgOpenGPS": (agopengps, (RING,)),
     "task data in a folder": (task_data, (A, B)),
     "task data in a zip archive": (lambda folder: task_data(folder, packed=True), (A, B)),
+    "across 180°, cut in two": (
+        lambda folder: across(folder, box_deg(179.9995, 180.0), box_deg(-180.0, -179.9995)), (ISLAND,),
+    ),
+    "across 180°, in one ring": (lambda folder: across(folder, box_deg(179.9995, -179.9995)), (ISLAND,)),
+    "across 180°, beyond it": (lambda folder: across(folder, box_deg(179.9995, 180.0005)), (ISLAND,)),
 }  # fmt: skip
 
 
@@ -229,38 +267,38 @@ REFUSED: Mapping[str, Made] = {
 }
 
 
-def by_within(path: Path) -> BaseGeometry:
-    return shapely.union_all(read_area(path, MAP).polygons)
+def by_within(path: Path, site: Site) -> BaseGeometry:
+    return shapely.union_all(read_area(path, site.crs).polygons)
 
 
-def by_field_within(path: Path) -> BaseGeometry:
-    return shapely.union_all(ground_to_map(path, FRAME).polygons)
+def by_field_within(path: Path, site: Site) -> BaseGeometry:
+    return shapely.union_all(ground_to_map(path, site.frame).polygons)
 
 
-def by_boundary(path: Path) -> BaseGeometry:
-    return field_boundary(path, FRAME, None, np.array([[EAST + 5.0, NORTH + 5.0], [EAST + 140.0, NORTH + 5.0]]))[0]
+def by_boundary(path: Path, site: Site) -> BaseGeometry:
+    return field_boundary(path, site.frame, None, site.driven)[0]
 
 
-def by_batch(path: Path) -> BaseGeometry:
-    fields = read_fields(path, target=MAP)
+def by_batch(path: Path, site: Site) -> BaseGeometry:
+    fields = read_fields(path, target=site.crs)
     assert all(field.names for field in fields)
-    on_map = Transformer.from_crs(4258, MAP, always_xy=True)
+    on_map = Transformer.from_crs(4258, site.crs, always_xy=True)
     return shapely.transform(
         shapely.union_all([field.outline for field in fields]), lambda xy: np.column_stack(on_map.transform(*xy.T))
     )
 
 
-def by_parcels(path: Path) -> BaseGeometry:
-    parcels = read_parcels(path, MAP)
+def by_parcels(path: Path, site: Site) -> BaseGeometry:
+    parcels = read_parcels(path, site.crs)
     assert [parcel.id[-1:] for parcel in parcels] in (["1", "2"], ["1"])
     return shapely.union_all([parcel.gross for parcel in parcels])
 
 
-def by_net(path: Path) -> BaseGeometry:
-    return shapely.union_all([parcel.net for parcel in read_parcels(path, MAP, net=path)])
+def by_net(path: Path, site: Site) -> BaseGeometry:
+    return shapely.union_all([parcel.net for parcel in read_parcels(path, site.crs, net=path)])
 
 
-PLACES: Mapping[str, Callable[[Path], BaseGeometry]] = {
+PLACES: Mapping[str, Callable[[Path, Site], BaseGeometry]] = {
     "--within": by_within,
     "[field] within": by_field_within,
     "[field] boundary": by_boundary,
@@ -274,7 +312,7 @@ PLACES: Mapping[str, Callable[[Path], BaseGeometry]] = {
 @pytest.mark.parametrize("stated", PROPERTIES)
 def test_ground__does_not_depend_on_the_file(stated: str, place: str, tmp_path: Path) -> None:
     make, shapes = PROPERTIES[stated]
-    found = PLACES[place](make(tmp_path))
+    found = PLACES[place](make(tmp_path), FIJI if "180°" in stated else HERE)
     assert found.symmetric_difference(shapely.union_all(shapes)).area < 0.002 * found.length
 
 
@@ -282,7 +320,7 @@ def test_ground__does_not_depend_on_the_file(stated: str, place: str, tmp_path: 
 @pytest.mark.parametrize("stated", REFUSED)
 def test_what_cannot_be_honoured__is_refused_in_three_lines(stated: str, place: str, tmp_path: Path) -> None:
     with pytest.raises(FurrowmapError) as refused:
-        PLACES[place](REFUSED[stated](tmp_path))
+        PLACES[place](REFUSED[stated](tmp_path), HERE)
     assert len(str(refused.value).splitlines()) == 3
 
 
