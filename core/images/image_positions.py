@@ -15,8 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.inertial import cross_matrix
 from furrowmap.core.adjustment.knots import POSE
-from furrowmap.core.geodesy.coordinates import transform_poses
-from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
@@ -24,7 +22,6 @@ from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images
-from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.trajectory import Trajectory
 
 ALIKE_SHARE: Final = 0.5
@@ -58,10 +55,13 @@ class _Compared:
 
 
 def held_against_images(
-    located: Located, images: Images, camera: Camera, frame: MapFrame, scale: float
+    located: Located, images: Images, camera: Camera, placed_m: FloatArray, scale: float
 ) -> tuple[Located, list[Notice]]:
-    """The trajectory with the positions of images, where they make it better; as it was where not; what was found."""
-    known = np.isfinite(images.lon_lat_h).all(axis=1) & np.isfinite(images.sigma_m).all(axis=1)
+    """The trajectory with the positions of images, where they make it better; as it was where not; what was found.
+
+    `placed_m` (n, 3) are these positions on the map, nan where there is none.
+    """
+    known = np.isfinite(placed_m).all(axis=1) & np.isfinite(images.sigma_m).all(axis=1)
     begin_s, end_s = located.trajectory.span_s
     exposed_s = images.t_s + camera.shutter_delay_s
     known &= (exposed_s > begin_s + _VELOCITY_STEP_S) & (exposed_s < end_s - _VELOCITY_STEP_S)
@@ -73,7 +73,7 @@ def held_against_images(
     chosen = chosen[np.unique(np.linspace(0, count - 1, min(count, MOST_POSITIONS)).astype(np.int64))]
     own = images.chosen(chosen)
     errors = located.pose_errors(own.t_s + camera.shutter_delay_s)
-    found = _compared(located.trajectory, errors, own, camera, frame, scale)
+    found = _compared(located.trajectory, errors, own, camera, placed_m[chosen], scale)
     spread = found.design @ errors.covariance @ found.design.T
     mean_m = found.off_m.mean(axis=0)
     n = len(own)
@@ -109,22 +109,9 @@ def held_against_images(
 
 
 def _compared(
-    trajectory: Trajectory, errors: PoseErrors, images: Images, camera: Camera, frame: MapFrame, scale: float
+    trajectory: Trajectory, errors: PoseErrors, images: Images, camera: Camera, placed_m: FloatArray, scale: float
 ) -> _Compared:
     n = len(images)
-    level = np.zeros(n)
-    track = PoseTrack(
-        t_s=images.t_s,
-        position=images.lon_lat_h,
-        projected=False,
-        roll_deg=level,
-        pitch_deg=level,
-        heading_deg=level,
-        true_north=True,
-        sigma=np.full((n, 6), np.nan),
-    )
-    lon, lat, height = transform_poses(track, frame)[0].position.T
-    placed = np.column_stack([*frame.project(lon, lat), height])
     poses = frame_poses(trajectory, camera, images.t_s, scale)
     early, late = (trajectory.at(poses.t_s + step).xyz_m for step in (-_VELOCITY_STEP_S, _VELOCITY_STEP_S))
     velocity = np.nan_to_num((late - early) / (2.0 * _VELOCITY_STEP_S))
@@ -145,7 +132,7 @@ def _compared(
         noise += np.outer(alike, alike)
     timed = TIME_SIGMA_S * velocity.ravel()
     noise += np.outer(timed, timed)
-    return _Compared(placed - poses.xyz_m, design.reshape(3 * n, -1), noise, sigma, velocity)
+    return _Compared(placed_m - poses.xyz_m, design.reshape(3 * n, -1), noise, sigma, velocity)
 
 
 def _updated(errors: PoseErrors, found: _Compared, spread: FloatArray) -> PoseErrors:

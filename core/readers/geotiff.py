@@ -1,5 +1,6 @@
 """GeoTIFFs of any software, opened without trusting what they state."""
 
+import re
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -18,6 +19,10 @@ from furrowmap.core.values.crs import crs_of_file
 HEIGHT_BAND_NAME: Final = "height"
 """Name of the first band of furrowmap's surfaces, and of none of its other rasters."""
 
+_HEIGHT_WORDS: Final = re.compile(
+    r"height|elev|altitude|\bd[stehu]m\b|^[zh]$|h(ö|oe)he|altitud|hauteur|標高|高さ", re.IGNORECASE
+)
+"""In the descriptions of bands that hold heights."""
 _BIG_TIFF: Final = 43
 _KEY_DIRECTORY: Final = 34735
 _MOST_TAGS: Final = 4096
@@ -86,9 +91,19 @@ def short_keys(path: Path) -> dict[int, int]:
 
 
 def expect_heights(raster: Any, path: Path, unusable: Callable[[Path, str], InputError]) -> None:
-    """Raises InputError where a raster has no CRS, or is one of furrowmap's that holds no heights above a datum."""
+    """Raises InputError where a raster has no CRS, or its first band says that it holds no heights above a datum."""
     if raster.crs is None:
         raise unusable(path, "has no CRS")
     band = raster.descriptions[0]
     if raster.tags().get("TIFFTAG_SOFTWARE", "").startswith("furrowmap") and band != HEIGHT_BAND_NAME:
         raise unusable(path, f"holds {band!r} and no heights above a datum")
+    shown = [kind.name for kind in raster.colorinterp]
+    if shown[:3] == ["red", "green", "blue"] or shown[0] == "palette":
+        raise unusable(path, f"holds {'classes' if shown[0] == 'palette' else 'colours'} and no heights above a datum")
+    if band and not _HEIGHT_WORDS.search(band):
+        heights = [k for k, name in enumerate(raster.descriptions, start=1) if name and _HEIGHT_WORDS.search(name)]
+        if heights:
+            there = (
+                f"{band!r} in its first band and heights in band {heights[0]}, {raster.descriptions[heights[0] - 1]!r}"
+            )
+            raise unusable(path, f"has {there}; the first is read: write that band to a file of its own")

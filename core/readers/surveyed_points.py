@@ -23,7 +23,19 @@ from furrowmap.core.values.crs import full_name_of
 from furrowmap.core.values.height_units import compound_crs, in_metres, vertical_unit_m
 
 MAX_SURVEY_BYTES: Final = 50_000_000
-_NAME_COLUMNS: Final = ("name", "id", "point", "point_id", "label", "点名")
+_NAME_COLUMNS: Final = (
+    "name",
+    "id",
+    "point",
+    "point_id",
+    "label",
+    "点名",
+    "nom",
+    "punkt",
+    "punktnummer",
+    "punto",
+    "nombre",
+)
 _PLACE_COLUMNS: Final = (
     ("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"), ("y座標", "x座標"),
     ("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"),

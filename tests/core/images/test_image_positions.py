@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.images.image_positions import held_against_images
+from furrowmap.core.pipeline.session_aid import positions_on_map
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.located import Located
@@ -24,7 +24,10 @@ from tests.core.images.test_block_adjustment import NODES_S, SCALE, STATED, T_S,
 FRAME = map_frame(Crs(map="EPSG:25832"))
 PLACE_M = np.array([580_000.0, 5_700_000.0, 0.0])
 SIGMA_M = np.array([0.012, 0.012, 0.025])
-held = partial(held_against_images, camera=STATED, frame=FRAME, scale=SCALE)
+
+
+def held(place: Located, images: Images) -> tuple[Located, list[Notice]]:
+    return held_against_images(place, images, STATED, positions_on_map(images, FRAME), SCALE)
 
 
 def moved(trajectory: Trajectory) -> Trajectory:
@@ -36,7 +39,7 @@ def located(flight: Flight, shrunk: float = 1.0) -> Located:
     truth, wrong = moved(flight.truth), moved(flight.block.trajectory)
     xyz = truth.xyz_m + shrunk * (wrong.xyz_m - truth.xyz_m)
     known = PoseErrors(NODES_S, np.zeros((len(NODES_S), 6)), shrunk**2 * flight.covariance)
-    notices = (Notice.from_printed("gnss-quality", {}), Notice.from_printed("epochs-missing", {}))
+    notices = (Notice.from_values("gnss-quality", {}), Notice.from_values("epochs-missing", {}))
     return Located(replace(wrong, xyz_m=xyz), "imu", {}, notices, pose_errors=lambda _: known)
 
 

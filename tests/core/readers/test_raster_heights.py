@@ -290,6 +290,41 @@ def test_units_that_are_none_of_length__are_refused(tmp_path: Path, unit: str) -
             way(path, PLACES)
 
 
+@pytest.mark.parametrize(
+    ("names", "why"),
+    [
+        (("density", "Elevation"), "'density' in its first band and heights in band 2, 'Elevation'"),
+        (("slope", "", "DTM [m]"), "heights in band 3"),
+        (None, "colours"),
+    ],
+)
+def test_rasters_whose_first_band_is_something_else__are_refused(
+    names: tuple[str, ...] | None, why: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "bands.tif"
+    count = len(names) if names else 3
+    profile = {"width": SIDE, "height": SIDE, "count": count, "dtype": "float32" if names else "uint8"}
+    with rasterio.open(path, "w", driver="GTiff", crs="EPSG:26918", transform=SOUND, **profile) as raster:
+        raster.write(np.full((count, SIDE, SIDE), 7, profile["dtype"]))
+        if names:
+            raster.descriptions = names
+    for by in (by_check, by_soil):
+        with pytest.raises(InputError, match=re.escape(why)) as refused:
+            by(path, PLACES)
+        assert len(str(refused.value).splitlines()) == 3
+
+
+def test_rasters_of_several_bands__whose_first_is_heights_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "bands.tif"
+    with rasterio.open(write(tmp_path / "plain.tif")) as plain:
+        heights = plain.read(1)
+        profile = {**plain.profile, "count": 2}
+    with rasterio.open(path, "w", **profile) as raster:
+        raster.write(np.stack([heights, np.zeros_like(heights)]))
+        raster.descriptions = ("dsm", "density")
+    expect_plane(by_check(path, PLACES)[0])
+
+
 def test_virtual_mosaics__do_not_refer_to_numbers_that_are_no_metres(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", unit="ft", unit_m=FEET)
     with pytest.raises(RefusedError) as refused:
