@@ -28,7 +28,7 @@ ALIKE_SHARE: Final = 0.5
 """Share of the variance of the positions that all of them have in common."""
 TIME_SIGMA_S: Final = 0.05
 """Of the times of all exposures, before they are compared."""
-BETTER: Final = 0.7
+BETTER_SHARE: Final = 0.7
 """Positions are used where their standard deviations are less than this share of the trajectory's."""
 MAX_OFF_SIGMAS: Final = 4.0
 """Mean differences beyond are a contradiction."""
@@ -93,7 +93,7 @@ def held_against_images(
         along = {"is_time": late_s is not None, "late_s": late_s or 0.0}
         return located, [Notice("images-placed.contradict", **figures, **along)]
     better = [
-        float(np.median(found.sigma_m[:, axes])) < BETTER * float(np.median(poses_sigma_m[:, axes]))
+        float(np.median(found.sigma_m[:, axes])) < BETTER_SHARE * float(np.median(poses_sigma_m[:, axes]))
         for axes in (across, up)
     ]
     if not any(better):
