@@ -111,7 +111,7 @@ if TYPE_CHECKING:
     from furrowmap.workflows.record.record import Recorded as Recorded
     from furrowmap.workflows.record.record import record as record
     from furrowmap.workflows.run.preview import preview as preview
-    from furrowmap.workflows.run.run import run as run
+    from furrowmap.workflows.run.session_run import run as run
     from furrowmap.workflows.season.season import Season as Season
     from furrowmap.workflows.season.season import season as season
     from furrowmap.workflows.session.frames import frames as frames

@@ -24,7 +24,7 @@ from furrowmap.core.accuracy.point_check import (
 from furrowmap.core.readers.las.cloud import is_cloud
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.errors import CHECK_POINTS_OFF, InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
 
 MIN_CHECK_POINTS: Final = 30
@@ -125,7 +125,6 @@ class Accuracy:
         }
 
 
-CHECK_POINTS_OFF: Final = "check-points-off"
 MIN_HELD_POINTS: Final = 3
 HELD_SIGMAS: Final = 4.0
 """Standard deviations by which heights must be off surveyed points to contradict them."""

@@ -9,6 +9,7 @@ from furrowmap.core.runtime.languages.catalogue import ENGLISH, translated
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, Value, fill, plain_values, printed, sentences
 
 CONTRADICTION: Final = "contradiction"
+CHECK_POINTS_OFF: Final = "check-points-off"
 """Code of the notice that stands before all others."""
 SETTING_REMEDIES: Final = {
     "imu-no-overlap": ("imu", "minus_gnss_s", "offset_s", "cause"),

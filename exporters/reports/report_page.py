@@ -1,18 +1,14 @@
 """`report.html`: the result of a run on one page without external resources."""
 
-import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from furrowmap.core.crops.dose_columns import column_words, dose_name, parcel_doses
-from furrowmap.core.crops.measure import MeasuredParcel
-from furrowmap.core.crops.response_values import Response
 from furrowmap.core.geodesy.local_time import in_local_time, span_words
 from furrowmap.core.implement.model import SeenImplement
 from furrowmap.core.pipeline.causes import Finding, findings
@@ -24,11 +20,9 @@ from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
 from furrowmap.exporters.rasters.relief import shaded_ground
 from furrowmap.exporters.reports import drawings
-from furrowmap.exporters.reports.drawings import padded_bounds
 from furrowmap.exporters.reports.pages import render, write_html
 from furrowmap.exporters.reports.run_report import points_by_class, scanners, top_findings
-from furrowmap.exporters.reports.svg import WIDTH, Sheet, drawing, element, image, label, mixed_colour, turned_label
-from furrowmap.exporters.reports.trial_charts import ParcelValues, response_chart
+from furrowmap.exporters.reports.svg import WIDTH, drawing, element, image, label, turned_label
 from furrowmap.exporters.vectors.labels import VALUES
 
 LEFT: Final = 58.0
@@ -132,9 +126,7 @@ def write_page(
     cloud: Path,
     summary: CopcSummary | None,
     rasters: RasterFigures | None,
-    parcels: Sequence[MeasuredParcel] = (),
-    response: Response | None = None,
-    features: Mapping[str, int] | None = None,
+    of_tools: Mapping[str, Any],
 ) -> None:
     """Write `report.html`.
 
@@ -142,8 +134,8 @@ def write_page(
         cloud: its COPC file, for the relief of the map.
         summary: of the cloud; None for no cloud.
         rasters: figures of the surfaces; None for no surfaces.
-        response: of their heights to a dose; None where they have none.
-        features: numbers of planes, lines and plants; None where they were not looked for.
+        of_tools: values for the template: `heights_m` of the parcels and `parcels`, their section; `features`, the
+            numbers of planes, lines and plants.
     """
     poses = found.placement.poses
     work = found.work
@@ -174,9 +166,7 @@ def write_page(
         range_images=range_images,
         box_m=box_m,
         relief=shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None,
-        heights_m=[row.figures.mean_height_m for row in parcels if math.isfinite(row.figures.mean_height_m)],
-        parcels=Markup(parcel_sections(parcels, response)),  # noqa: S704 (of a template)
-        features=features,
+        **{"heights_m": (), "parcels": "", "features": None, **of_tools},
         activities=[(colour, name) for k, (name, colour) in enumerate(drawings.ACTIVITIES.items()) if k in active],
         fixes=fixes,
         sigma={
@@ -219,51 +209,3 @@ def _fix_name(fix: int) -> str:
 def _median(values: NDArray[np.float64]) -> float:
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else float("nan")
-
-
-HEIGHT_COLOURS: Final = np.array([[247, 252, 185], [120, 198, 121], [0, 69, 41]])
-"""From the shortest parcel over the middle to the tallest, as in the layer's style."""
-UNKNOWN_COLOUR: Final = "#d9d9d9"
-MAX_TABLE_PARCELS: Final = 200
-"""Maximum length of the table."""
-MAX_NAMED_PARCELS: Final = 150
-"""Parcels with their names on the map."""
-PARCEL_MARGIN_M: Final = 1.0
-
-
-def parcel_sections(found: Sequence[MeasuredParcel], response: Response | None = None) -> str:
-    """The sections as HTML: height and, where there is one, the response to a dose; nothing without parcels."""
-    if not found:
-        return ""
-    heights_m = np.array([row.figures.mean_height_m for row in found])
-    known = heights_m[np.isfinite(heights_m)]
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
-
-    def colour(height_m: float) -> str:
-        if not math.isfinite(height_m):
-            return UNKNOWN_COLOUR
-        return mixed_colour((height_m - low) / (high - low) if high > low else 0.5, HEIGHT_COLOURS)
-
-    sheet = Sheet(padded_bounds([row.parcel.gross for row in found], PARCEL_MARGIN_M))
-    parts = []
-    for row, height_m in zip(found, heights_m.tolist(), strict=True):
-        parts.append(sheet.area(row.parcel.gross, "boundary"))
-        parts.append(sheet.area(row.parcel.net, "pass", fill=colour(height_m)))
-    if len(found) <= MAX_NAMED_PARCELS:
-        parts += [sheet.text(row.parcel.net.representative_point(), row.parcel.id) for row in found]
-    parcels = [row.parcel for row in found]
-    chart = None
-    if response is not None and (name := dose_name(parcels)) is not None:
-        blocks = [parcel.block or "" for parcel in parcels]
-        values = ParcelValues(heights_m, blocks, column_words("mean_height_m"), "block")
-        chart = response_chart(parcel_doses(parcels, name), values, response, column_words(name))
-    return render(
-        "parcels.html",
-        parcels=found,
-        max_parcels=MAX_TABLE_PARCELS,
-        published=any(math.isfinite(row.published_height_m) for row in found),
-        map=sheet.svg(parts, "Map of the parcels by height"),
-        colours=[(colour(value), f"{100.0 * value:.1f} cm") for value in np.linspace(low, high, 5).tolist()],
-        response=response,
-        chart=chart,
-    )

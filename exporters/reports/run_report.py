@@ -13,7 +13,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.accuracy.check import CHECK_POINTS_OFF
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.coverage.ground import AreaFigure, WorkedGround
 from furrowmap.core.coverage.strip_outlines import StripGround
@@ -23,7 +22,7 @@ from furrowmap.core.matching.consistency import Cause
 from furrowmap.core.pipeline.causes import AT_TOP, Finding, cause_of, findings
 from furrowmap.core.pipeline.notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.runtime.errors import CONTRADICTION, Notice
+from furrowmap.core.runtime.errors import CHECK_POINTS_OFF, CONTRADICTION, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.strips.boresight import BORESIGHT_NAMES, Boresight
@@ -82,6 +81,7 @@ def run_report(
         ],
         "timings": timings_s,
         "products": products,
+        "colours": None,
     }
 
 

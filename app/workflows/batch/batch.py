@@ -65,7 +65,7 @@ from furrowmap.workflows.batch.places import (
 )
 from furrowmap.workflows.batch.sources import BatchSource, assign_names, find_sources, stamp
 from furrowmap.workflows.batch.workforce import Workforce, unprotected
-from furrowmap.workflows.run.run import run_opened
+from furrowmap.workflows.run.session_run import run_opened
 from furrowmap.workflows.session.machines import machine_file
 
 PATIENCE_S: Final = 3600.0

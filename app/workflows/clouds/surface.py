@@ -7,7 +7,8 @@ from typing import Any, Final, Literal
 import rasterio
 
 from furrowmap.core.pointclouds.clouds import no_points_error
-from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
+from furrowmap.core.pointclouds.spool_clouds import cell_for, spool_clouds
+from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent

@@ -13,7 +13,8 @@ from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.stand import Stand, stand_of
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, near_box, no_points_error
-from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
+from furrowmap.core.pointclouds.spool_clouds import cell_for, spool_clouds
+from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.runtime.arrays import FloatArray

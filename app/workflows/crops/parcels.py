@@ -35,14 +35,13 @@ from furrowmap.core.geodesy.crs_change import horizontal_part
 from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
-from furrowmap.core.pointclouds.spooled_clouds import spool_clouds
+from furrowmap.core.pointclouds.spool_clouds import spool_clouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box, Survey, is_cloud
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.crs import name_of
@@ -109,7 +108,7 @@ def parcels(
     decided: list[Notice] = []
     net = Path(settings.net) if settings.net else None
     areas = read_parcels(file, opened.crs, settings.net_inset_m, net, decided)
-    _assign_treatments(areas, settings, dt.date.max)  # an error of the table is raised before the work
+    assign_treatments(areas, settings, dt.date.max)  # an error of the table is raised before the work
     around_m = PUBLISHED_STRIP_M if settings.published else None
     with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, around_m, decided) as points:
         expect_soil(soil_file(settings.soil), opened.crs, points.box_m)
@@ -124,34 +123,6 @@ def parcels(
             warn(notice)
         content = {"parcels_file": records[-1], "crs": name_of(opened.crs), **written.account}
         return write_account(staging, PARCELS_REPORT, opened, records, content, notices)
-
-
-def parcel_settings(opened: OpenSession) -> ParcelSettings:
-    """The settings in `[parcels]` of a session."""
-    stated = opened.session.parcels
-    if stated is None:
-        return ParcelSettings()
-    method: Any = stated.method or "canopy-top"
-    soil = opened.inputs.soil or stated.soil or "surface"
-    treatments = opened.inputs.treatments
-    return ParcelSettings(net_inset_m=stated.net_inset_m, method=method, soil=soil, treatments=treatments)
-
-
-@contextmanager
-def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints | None]:
-    """What collects the points of a session's parcels; None where it has none, or no scanner."""
-    path = opened.inputs.parcels
-    settings = parcel_settings(opened)
-    if path is None or not opened.session.recording.lidar:
-        yield None
-        return
-    decided: list[Notice] = []
-    areas = read_parcels(path, opened.frame.crs, settings.net_inset_m, notices=decided)
-    _assign_treatments(areas, settings, dt.date.max)  # an error of the table is raised before the work
-    around_m = PUBLISHED_STRIP_M if settings.published else None
-    with ParcelPoints(areas, folder, around_m, decided) as points:
-        expect_soil(soil_file(settings.soil), opened.frame.crs, points.box_m)
-        yield points
 
 
 def collect_points(
@@ -210,7 +181,7 @@ def write_parcels(
         if heights.write(folder / CROP_HEIGHT, crs, origin):
             write_raster_style(folder / CROP_HEIGHT, style_of(CROP_HEIGHT))
     day = local_day(origin.span_s[0], crs, (place.x, place.y)) if origin.span_s is not None else None
-    treated, notices = _assign_treatments([row.parcel for row in found], settings, day)
+    treated, notices = assign_treatments([row.parcel for row in found], settings, day)
     found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]
     notices += _order_notices(found, settings)
     response = _response(found)
@@ -327,7 +298,7 @@ def _response(found: Sequence[MeasuredParcel]) -> Response | None:
     return fit_response(parcel_doses(parcels, name), heights_m, blocks, ResponseQuestion(unit=dose_unit(name)))
 
 
-def _assign_treatments(
+def assign_treatments(
     parcels: Sequence[Parcel], settings: ParcelSettings, day: dt.date | None
 ) -> tuple[Sequence[Parcel], list[Notice]]:
     """The parcels with their treatments, and which have none; `day` is that of the points."""

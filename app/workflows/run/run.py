@@ -1,4 +1,4 @@
-"""Running a session: from the session file to the folder of its products."""
+"""Running a session: from an open session to the folder of its products; :mod:`.session_run` chains tools to it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path, PurePosixPath
 from time import perf_counter
@@ -24,7 +25,6 @@ from furrowmap.core.images.frames import Frames
 from furrowmap.core.live.difference import live_difference
 from furrowmap.core.pipeline.run import run as run_session
 from furrowmap.core.pointclouds.placed import PlacedScan
-from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.arrays import release
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.file_names import resolved
@@ -33,17 +33,17 @@ from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user, threads, using, using_threads
-from furrowmap.core.session.opened import OpenSession, open_session
+from furrowmap.core.session.opened import OpenSession
 from furrowmap.exporters.files.atomic import atomic_output, refuse_open
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.plain_files import refuse_unlike_products
 from furrowmap.exporters.files.result_folder import REPORT, RUN_FILES, RUN_PRODUCTS
 from furrowmap.exporters.files.staging import kept, recover, staged_folder
 from furrowmap.process import importing
+from furrowmap.workflows.run.tools import Tool
 
 if TYPE_CHECKING:
     from furrowmap.core.matching.session_match import MatchedSession
-    from furrowmap.results import Result
     from furrowmap.workflows.run.products import RunProducts
 
 SPACE: Final = 2
@@ -52,47 +52,29 @@ the cloud, where half of the 384 firings in a packet of 1264 bytes return."""
 _BAGS: Final = frozenset({".bag", ".mcap", ".db3"})
 
 
-def run(
-    session: str | Path,
-    out: str | Path | None = None,
+def run_to_folder(
+    opened: OpenSession,
+    folder: Path,
+    tools: Sequence[Tool] = (),
     *,
-    overwrite: bool = False,
-    resume: bool = False,
-    within: str | Path | None = None,
+    overwrite: bool,
+    resume: bool,
     progress: Progress = silent,
-) -> Result:
-    """Run a session and write its products into a folder.
-
-    Products of the same recordings in the folder are replaced, whatever else the session names or sets: the same files
-    of the scanner, byte for byte, or without a scanner the same positions.
+) -> None:
+    """Run an open session, and write its products and those of tools into a folder.
 
     Args:
-        out: the folder, made if it does not exist; by default SESSION_result beside the session file.
-        resume: use what a killed run into the same folder found by scan matching, if session and recordings are the
-            same.
-        within: a file with polygons, or task data: cloud, surfaces and parcels hold what lies in them alone; instead of
-            `[field] within`.
+        overwrite: replace the products of other recordings.
+        resume: use what a killed run into the same folder kept of scan matching.
 
     Raises:
         FurrowmapError: if the session does not make a cloud, or the folder cannot be written to.
     """
-    file = Path(session)
-    folder = Path(out) if out is not None else resolved(file).parent / f"{file.stem}_result"
-    opened = open_session(file)
-    if within is not None:
-        opened = opened.within(Path(within))
-    return run_opened(opened, folder, overwrite=overwrite, resume=resume, progress=progress)
-
-
-def run_opened(
-    opened: OpenSession, folder: Path, *, overwrite: bool, resume: bool, progress: Progress = silent
-) -> Result:
-    """Run an open session; arguments and errors as :func:`run`."""
     start = perf_counter()
     if opened.inputs.within is not None:
         ground_to_map(opened.inputs.within, opened.frame)  # an error of the polygons is raised before the work
-    if opened.inputs.check_points is not None:
-        read_points(opened.inputs.check_points, opened.frame.whole_crs)  # likewise
+    for tool in tools:
+        tool.check_inputs()  # likewise
     if resolved(opened.file) in {resolved(folder / name) for name in RUN_PRODUCTS}:
         raise RefusedError("output-is-input.refuse-original", folder=folder, session_file=opened.file.name)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
@@ -111,7 +93,8 @@ def run_opened(
         ThreadPoolExecutor(1, "importing") as pool,
     ):
         early = threads() > 1
-        begin = cache(lambda: pool.submit(_import_products) if early else None)
+        modules = tuple(name for tool in tools for name in tool.modules)
+        begin = cache(lambda: pool.submit(_import_products, modules) if early else None)
 
         def report(stage: str, share: float) -> None:
             begin()  # once packets are read: beside kernels, which leave the interpreter to these imports
@@ -119,21 +102,19 @@ def run_opened(
 
         inputs = inputs or file_records(opened.inputs.all, resolved(opened.file).parent, progress)
         with ExitStack() as stack:
-            parcels = None
             products: list[RunProducts] = []
-            if opened.session.parcels is not None:
-                from furrowmap.workflows.crops.parcels import session_parcels
-
-                # An error of the parcels is raised before the work.
-                parcels = stack.enter_context(session_parcels(opened, staging))
+            for tool in tools:
+                tool.folder = staging
+                tool.stack = stack
+                tool.open()
 
             def open_sink(
                 frame: MapFrame, origin_m: tuple[float, float, float], frames: Frames | None
             ) -> Callable[[PlacedScan], None]:
-                _import_products()
+                _import_products(modules)
                 from furrowmap.workflows.run.products import open_products
 
-                products.append(stack.enter_context(open_products(opened, staging, frame, origin_m, frames, parcels)))
+                products.append(stack.enter_context(open_products(opened, staging, frame, origin_m, frames, tools)))
                 return products[0].add
 
             checkpoint = KeptMatching(kept(staging), opened, inputs)
@@ -145,17 +126,19 @@ def run_opened(
 
             made = products[0].finish(found, inputs, progress) if products else Made(found, inputs)
         release()
-        write_products(made, opened, folder, staging, start, progress)
-    from furrowmap.results import open_result
-
-    return open_result(folder)
+        report_content = write_products(made, opened, folder, staging, start, progress)
+        for tool in tools:
+            tool.describe(report_content)
 
 
 @cache
-def _import_products() -> None:
+def _import_products(modules: Sequence[str]) -> None:
     """Import what writes products with its libraries; once, as objects of an earlier run must not be frozen."""
     with importing():
         import furrowmap.workflows.run.products  # noqa: F401
+
+        for name in modules:
+            import_module(name)
         from furrowmap.exporters.reports.pages import compile_templates
 
         pages = ("report", "base", "parts", "passes", "images", "flight", "parcels")

@@ -21,7 +21,8 @@ from furrowmap.core.runtime.errors import FurrowmapError, UsageError
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.parcel import SOIL_METHODS, SoilMethod
-from furrowmap.workflows.crops.parcels import parcel_settings, soil_source
+from furrowmap.workflows.crops.parcels import soil_source
+from furrowmap.workflows.run.parcel_tool import parcel_settings
 from tests.app.told_progress import Told
 
 CRS = "EPSG:25832"

@@ -13,7 +13,7 @@ import furrowmap
 from furrowmap.core.pointclouds.clouds import near_box, open_clouds
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.values.session import FeatureSearch
-from furrowmap.workflows.run.products import run_features
+from furrowmap.workflows.run.feature_tool import run_features
 from tests.app.told_progress import Told
 
 

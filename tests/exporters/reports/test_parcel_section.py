@@ -13,7 +13,7 @@ from furrowmap.core.crops.dose_columns import column_words
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.crops.response import fit_response
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.exporters.reports.report_page import (
+from furrowmap.exporters.reports.parcel_sections import (
     MAX_NAMED_PARCELS,
     MAX_TABLE_PARCELS,
     UNKNOWN_COLOUR,

@@ -1,0 +1,94 @@
+"""Running a session with all that it states: the run, and the tools on its result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.session.opened import OpenSession, open_session
+from furrowmap.workflows.run.run import run_to_folder
+from furrowmap.workflows.run.tools import Tool
+
+if TYPE_CHECKING:
+    from furrowmap.results import Result
+
+
+def run(
+    session: str | Path,
+    out: str | Path | None = None,
+    *,
+    overwrite: bool = False,
+    resume: bool = False,
+    within: str | Path | None = None,
+    progress: Progress = silent,
+) -> Result:
+    """Run a session and write its products into a folder.
+
+    Products of the same recordings in the folder are replaced, whatever else the session names or sets: the same files
+    of the scanner, byte for byte, or without a scanner the same positions.
+
+    Args:
+        out: the folder, made if it does not exist; by default SESSION_result beside the session file.
+        resume: use what a killed run into the same folder found by scan matching, if session and recordings are the
+            same.
+        within: a file with polygons, or task data: cloud, surfaces and parcels hold what lies in them alone; instead of
+            `[field] within`.
+
+    Raises:
+        FurrowmapError: if the session does not make a cloud, or the folder cannot be written to.
+    """
+    file = Path(session)
+    folder = Path(out) if out is not None else resolved(file).parent / f"{file.stem}_result"
+    opened = open_session(file)
+    if within is not None:
+        opened = opened.within(Path(within))
+    return run_opened(opened, folder, overwrite=overwrite, resume=resume, progress=progress)
+
+
+def run_opened(
+    opened: OpenSession, folder: Path, *, overwrite: bool, resume: bool, progress: Progress = silent
+) -> Result:
+    """Run an open session; arguments and errors as :func:`run`."""
+    tools = session_tools(opened)
+    run_to_folder(opened, folder, tools, overwrite=overwrite, resume=resume, progress=progress)
+    from furrowmap.results import open_result
+
+    return open_result(folder)
+
+
+def session_tools(opened: OpenSession) -> list[Tool]:
+    """The tools that a session asks for, in the order in which they judge its result."""
+    tools: list[Tool] = []
+    session = opened.session
+    if session.camera is not None:
+        from furrowmap.workflows.run.colour_tool import ColourTool
+
+        tools.append(ColourTool())
+    if session.parcels is not None:
+        from furrowmap.workflows.run.parcel_tool import ParcelTool
+
+        tools.append(ParcelTool(opened))
+    if opened.inputs.check_points is not None:
+        from furrowmap.workflows.run.check_tool import CheckTool
+
+        tools.append(CheckTool(opened, opened.inputs.check_points))
+    if session.features is not None:
+        from furrowmap.workflows.run.feature_tool import FeatureTool
+
+        tools.append(FeatureTool(session.features))
+    return [*tools, ItemTool()]
+
+
+class ItemTool(Tool):
+    """Describes the products as a STAC item."""
+
+    modules = ("furrowmap.exporters.exchange.stac",)
+
+    def describe(self, report: dict[str, Any]) -> None:
+        """Write the item."""
+        from furrowmap.exporters.exchange.stac import write_item
+        from furrowmap.exporters.files.result_folder import ITEM
+
+        write_item(self.folder / ITEM, report)
