@@ -10,10 +10,10 @@ from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import CHECK_POINTS_OFF
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.exporters.files.result_folder import DSM
-from furrowmap.workflows.run.tools import CloudMade, Tool, ToolFindings
+from furrowmap.workflows.run.tools import CloudMade, RunTool, ToolFindings
 
 
-class CheckTool(Tool):
+class CheckTool(RunTool):
     """Holds the heights of the surface against `check_points`."""
 
     def __init__(self, opened: OpenSession, points: Path) -> None:

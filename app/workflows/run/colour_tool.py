@@ -4,10 +4,10 @@ from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.workflows.run.colours import RunColours
-from furrowmap.workflows.run.tools import CloudMade, Painter, Tool, ToolFindings
+from furrowmap.workflows.run.tools import CloudMade, Painter, RunTool, ToolFindings
 
 
-class ColourTool(Tool):
+class ColourTool(RunTool):
     """Colours the cloud while it is written, and makes the orthophoto of its surface."""
 
     def __init__(self) -> None:

@@ -12,10 +12,10 @@ from furrowmap.core.values.session import FeatureSearch
 from furrowmap.exporters.files.result_folder import CLOUD
 from furrowmap.workflows.clouds.features import found_layers, sparse_notices
 from furrowmap.workflows.clouds.inputs import box_to_use
-from furrowmap.workflows.run.tools import CloudMade, Tool, ToolFindings
+from furrowmap.workflows.run.tools import CloudMade, RunTool, ToolFindings
 
 
-class FeatureTool(Tool):
+class FeatureTool(RunTool):
     """Looks for what `[features]` of a session asks for."""
 
     def __init__(self, stated: FeatureSearch) -> None:

@@ -25,10 +25,10 @@ from furrowmap.workflows.crops.parcels import (
     held_against_surface,
     write_parcels,
 )
-from furrowmap.workflows.run.tools import CloudMade, Tool, ToolFindings
+from furrowmap.workflows.run.tools import CloudMade, RunTool, ToolFindings
 
 
-class ParcelTool(Tool):
+class ParcelTool(RunTool):
     """Measures the parcels of `[parcels]`, if a scanner sees them."""
 
     measures = True

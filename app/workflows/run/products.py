@@ -55,7 +55,7 @@ from furrowmap.exporters.reports.report_page import write_page
 from furrowmap.exporters.reports.run_report import run_origin, run_report, write_report
 from furrowmap.exporters.vectors.field_layers import strip_layers, write_states
 from furrowmap.exporters.vectors.geopackage import write_field
-from furrowmap.workflows.run.tools import CloudMade, Painter, Tool, ToolFindings, Vector
+from furrowmap.workflows.run.tools import CloudMade, Painter, RunTool, ToolFindings, Vector
 
 SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
@@ -82,7 +82,7 @@ def open_products(
     frame: MapFrame,
     origin_m: Vector,
     frames: Frames | None,
-    tools: Sequence[Tool],
+    tools: Sequence[RunTool],
 ) -> "Iterator[RunProducts]":
     """What makes cloud and surfaces of the points of a run, in a folder, and what open tools make of them.
 
@@ -112,7 +112,7 @@ class RunProducts:
     staging: Path
     cloud: "RunCloud"
     land: FieldPoints
-    tools: Sequence[Tool]
+    tools: Sequence[RunTool]
 
     def add(self, placed: PlacedScan) -> None:
         """Take the points of some scans."""

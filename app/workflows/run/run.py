@@ -40,7 +40,7 @@ from furrowmap.exporters.files.plain_files import refuse_unlike_products
 from furrowmap.exporters.files.result_folder import REPORT, RUN_FILES, RUN_PRODUCTS
 from furrowmap.exporters.files.staging import kept, recover, staged_folder
 from furrowmap.process import importing
-from furrowmap.workflows.run.tools import Tool
+from furrowmap.workflows.run.tools import RunTool
 
 if TYPE_CHECKING:
     from furrowmap.core.matching.session_match import MatchedSession
@@ -55,7 +55,7 @@ _BAGS: Final = frozenset({".bag", ".mcap", ".db3"})
 def run_to_folder(
     opened: OpenSession,
     folder: Path,
-    tools: Sequence[Tool] = (),
+    tools: Sequence[RunTool] = (),
     *,
     overwrite: bool,
     resume: bool,

@@ -9,7 +9,7 @@ from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.workflows.run.run import run_to_folder
-from furrowmap.workflows.run.tools import Tool
+from furrowmap.workflows.run.tools import RunTool
 
 if TYPE_CHECKING:
     from furrowmap.results import Result
@@ -58,9 +58,9 @@ def run_opened(
     return open_result(folder)
 
 
-def session_tools(opened: OpenSession) -> list[Tool]:
+def session_tools(opened: OpenSession) -> list[RunTool]:
     """The tools that a session asks for, in the order in which they judge its result."""
-    tools: list[Tool] = []
+    tools: list[RunTool] = []
     session = opened.session
     if session.camera is not None:
         from furrowmap.workflows.run.colour_tool import ColourTool
@@ -81,7 +81,7 @@ def session_tools(opened: OpenSession) -> list[Tool]:
     return [*tools, ItemTool()]
 
 
-class ItemTool(Tool):
+class ItemTool(RunTool):
     """Describes the products as a STAC item."""
 
     modules = ("furrowmap.exporters.exchange.stac",)

@@ -61,7 +61,7 @@ class CloudMade:
     progress: Progress
 
 
-class Tool:
+class RunTool:
     """A tool that does nothing: the base of all. The methods stand in the order in which they are called.
 
     Attributes:
