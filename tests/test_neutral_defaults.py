@@ -16,7 +16,7 @@ HELD_BY_PAGES: Final = ("core/simulator/scenario.py",)
 
 EVERY_ONE: Final = {
     "core/pointclouds/cleaning_steps.py Cleaning.every": 1,
-    "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
+    "core/pointclouds/spool_clouds.py spool_clouds(every)": 1,
     "app/workflows/calibrate/mount.py calibrate_mount(every)": 1,
     "app/settings.py _every(default)": 1,
     "core/matching/clock_offset.py _Trial.agreement(every)": 1,
