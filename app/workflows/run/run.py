@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path, PurePosixPath
 from time import perf_counter
@@ -93,8 +92,7 @@ def run_to_folder(
         ThreadPoolExecutor(1, "importing") as pool,
     ):
         early = threads() > 1
-        modules = tuple(name for tool in tools for name in tool.modules)
-        begin = cache(lambda: pool.submit(_import_products, modules) if early else None)
+        begin = cache(lambda: pool.submit(_import_products, tools) if early else None)
 
         def report(stage: str, share: float) -> None:
             begin()  # once packets are read: beside kernels, which leave the interpreter to these imports
@@ -111,7 +109,7 @@ def run_to_folder(
             def open_sink(
                 frame: MapFrame, origin_m: tuple[float, float, float], frames: Frames | None
             ) -> Callable[[PlacedScan], None]:
-                _import_products(modules)
+                _import_products(tools)
                 from furrowmap.workflows.run.products import open_products
 
                 products.append(stack.enter_context(open_products(opened, staging, frame, origin_m, frames, tools)))
@@ -131,14 +129,18 @@ def run_to_folder(
             tool.describe(report_content)
 
 
+def _import_products(tools: Sequence[RunTool]) -> None:
+    """Import what writes products, and what tools need late."""
+    _import_writers()
+    for tool in tools:
+        tool.preload()
+
+
 @cache
-def _import_products(modules: Sequence[str]) -> None:
+def _import_writers() -> None:
     """Import what writes products with its libraries; once, as objects of an earlier run must not be frozen."""
     with importing():
         import furrowmap.workflows.run.products  # noqa: F401
-
-        for name in modules:
-            import_module(name)
         from furrowmap.exporters.reports.pages import compile_templates
 
         pages = ("report", "base", "parts", "passes", "images", "flight", "parcels")

@@ -84,7 +84,9 @@ def session_tools(opened: OpenSession) -> list[RunTool]:
 class ItemTool(RunTool):
     """Describes the products as a STAC item."""
 
-    modules = ("furrowmap.exporters.exchange.stac",)
+    def preload(self) -> None:
+        """Import what writes the item."""
+        import furrowmap.exporters.exchange.stac  # noqa: F401
 
     def describe(self, report: dict[str, Any]) -> None:
         """Write the item."""

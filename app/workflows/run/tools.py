@@ -71,8 +71,6 @@ class RunTool:
         frames: images along the trajectory, from :meth:`begin` on; None without images.
     """
 
-    modules: ClassVar[Sequence[str]] = ()
-    """To be imported while packets are read."""
     measures: ClassVar[bool] = False
     """Whether :meth:`measure` does anything."""
     folder: Path
@@ -85,6 +83,9 @@ class RunTool:
 
     def open(self) -> None:
         """Begin, before the work."""
+
+    def preload(self) -> None:
+        """Import what is needed late; called from another thread, while packets are read, and perhaps again."""
 
     def begin(self) -> None:
         """The frame of the points and the images are known."""
