@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from sessions import simulated
 from trajectory_error import Poses, load_simulation
 
-from furrowmap.core.matching.session_match import match_to_ground
+from furrowmap.core.matching.session_match import match_session
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import Companions, locate
@@ -163,7 +163,7 @@ def case(recording: Path, outages: Sequence[Span], pauses: Sequence[Span]) -> tu
         opened = open_session(copy / "session.toml")
         located = locate(opened.positions(), opened.session, opened.frame)
         lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
-        found = match_to_ground(located, lidar, opened.session)[0]
+        found = match_session(located, lidar, opened.session)
     trajectory, simulation = found.trajectory, load_simulation(recording)
     ours = Poses(trajectory.t_s, trajectory.xyz_m, np.column_stack(trajectory.attitude_deg()))
     true = simulation.truth.at(ours.t_s)

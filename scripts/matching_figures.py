@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.matching.session_match import match_to_ground
+from furrowmap.core.matching.session_match import match_session
 from furrowmap.core.matching.surface import TILE_NODES, add_returns, empty_surface, tiles_over
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
@@ -62,7 +62,7 @@ def sample(name: str) -> Sample:
     session, frame = opened.session, opened.frame
     located = locate(opened.positions(), session, frame)
     near_s = float(np.mean(located.trajectory.span_s))
-    matched, _ = match_to_ground(located, opened.lidar(near_s), session)
+    matched = match_session(located, opened.lidar(near_s), session).matched
     poses = open_recording([DATA / name / "truth" / "trajectory.csv"], ReadOptions())
     assert isinstance(poses, GivesPoses)
     return Sample(session, opened, located.trajectory, matched.trajectory, trajectory_from_poses(poses.poses(), frame))

@@ -7,7 +7,7 @@ Modern Synthesis, section 6) with patches in the place of points. A rigid motion
 so that absolute observations alone determine it.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -109,19 +109,26 @@ class PatchRows:
         return Patches(*(column[: self.progress[1]].copy() for column in vars(self.rows).values()))
 
 
-def stored(found: Iterable[Patches]) -> list[Patches]:
-    """The same patches, whose largest columns lie in scratch files where they have many rows together."""
-    out: list[Patches] = []
-    waiting: list[Patches] = []
-    rows = 0
-    for patches in found:
-        waiting.append(patches)
-        rows += len(patches.interval)
-        if rows >= MIN_STORED_ROWS:
-            out += _stored(waiting)
-            waiting = []
-            rows = 0
-    return out + waiting
+class PatchStore:
+    """Patches, whose largest columns lie in scratch files where they have many rows together."""
+
+    def __init__(self) -> None:
+        self._stored: list[Patches] = []
+        self._waiting: list[Patches] = []
+        self._rows = 0
+
+    def add(self, patches: Patches) -> None:
+        """Take the next patches."""
+        self._waiting.append(patches)
+        self._rows += len(patches.interval)
+        if self._rows >= MIN_STORED_ROWS:
+            self._stored += _stored(self._waiting)
+            self._waiting = []
+            self._rows = 0
+
+    def all(self) -> list[Patches]:
+        """All patches, in the order in which they came."""
+        return self._stored + self._waiting
 
 
 def _stored(found: Sequence[Patches]) -> Iterator[Patches]:

@@ -13,6 +13,7 @@ The bow is therefore not estimated but considered (:class:`~furrowmap.core.adjus
 """
 
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 import numpy as np
@@ -21,7 +22,7 @@ from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.covariance import Considered
 from furrowmap.core.matching.ground import CORRELATED, GROUND_GATE, MATCHING_HUBER, MIN_NODE_RETURNS, NOISE_M
 from furrowmap.core.matching.placing import Placing
-from furrowmap.core.matching.portions import Portion, blocks, in_threads
+from furrowmap.core.matching.portions import THREADS, Portion, blocks, shares
 from furrowmap.core.matching.registration import session_surface
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES
@@ -74,7 +75,9 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
             sums += more
         return sums
 
-    return ranges_of(np.sum(in_threads(work, portions), axis=0))
+    with ThreadPoolExecutor(THREADS) as pool:
+        found = list(pool.map(work, shares(portions)))
+    return ranges_of(np.sum(found, axis=0))
 
 
 def ranges_of(sums: FloatArray) -> LaserRanges | None:

@@ -1,6 +1,6 @@
 """Scan matching: returns and positions in, the adjusted trajectory with figures and notices out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
@@ -24,7 +24,7 @@ from furrowmap.core.matching.mounting_calibration import MountingCalibration
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.problem import Adjusted, Iterate, Linearised, Problem
 from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
-from furrowmap.core.matching.solve import resolve_yaw_ambiguity, solve
+from furrowmap.core.matching.solve import resolve_yaw_ambiguity
 from furrowmap.core.matching.yaw_ambiguity import Facing
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
@@ -139,18 +139,9 @@ def prepare(
     return Prepared(problem, first, start, search_clock_offset(returns, first.sensor, start), ground, unheld)
 
 
-def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
-    """The trajectory at which the scans see the same ground throughout, georeferenced by the positions.
-
-    Args:
-        progress: gets the share done, 0 to 1.
-
-    Raises:
-        LinAlgError: if the observations do not determine a part of the trajectory.
-    """
-    problem = prepared.problem
-    mounting = problem.mounting
-    adjusted = solve(problem, prepared.first, progress)
+def matched_by(prepared: Prepared, adjusted: Adjusted) -> Matched:
+    """The result of the adjustment, with its figures and notices."""
+    mounting = prepared.problem.mounting
     turn = adjusted.sensor.turn
     turned = not np.array_equal(turn, np.eye(3))
     used = Mounting.from_rotation(mounting.xyz_m, turn @ mounting.rotation) if turned else mounting

@@ -1,7 +1,6 @@
 """Returns in portions of time that fit into memory, without those in gaps, and threads that work on them."""
 
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, TypeVar
@@ -83,12 +82,7 @@ def outside(portions: Sequence[slice], t_s: FloatArray, gaps: Sequence[Gap]) -> 
     return out
 
 
-def in_threads(work: Callable[[Iterable[Portion]], Found], portions: Sequence[Portion]) -> list[Found]:
-    """`work`, which goes through them once, on even shares of the portions, each in a thread.
-
-    The kernels release the interpreter's lock.
-    """
+def shares(portions: Sequence[Portion]) -> list[Sequence[Portion]]:
+    """Even shares of the portions, one for each thread: the kernels release the interpreter's lock."""
     cuts = np.linspace(0, len(portions), THREADS + 1).astype(int)
-    shares = [portions[a:b] for a, b in pairwise(cuts.tolist()) if b > a]
-    with ThreadPoolExecutor(THREADS) as pool:
-        return list(pool.map(work, shares))
+    return [portions[a:b] for a, b in pairwise(cuts.tolist()) if b > a]

@@ -1,6 +1,7 @@
 """Registration of all returns to ground and walls: of short windows, or of the whole session."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -8,10 +9,10 @@ import numpy as np
 
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.coarse import CoarseKnots
-from furrowmap.core.adjustment.registration import Patches, Registration, SliceSums, free_patches, stored
+from furrowmap.core.adjustment.registration import Patches, PatchStore, Registration, SliceSums, free_patches
 from furrowmap.core.matching.ground import GroundSums, Relief, register_ground
 from furrowmap.core.matching.placing import Placing
-from furrowmap.core.matching.portions import Portion, blocks, in_threads, windows
+from furrowmap.core.matching.portions import THREADS, Portion, blocks, shares, windows
 from furrowmap.core.matching.returns import MAX_GROUND_RANGE_M
 from furrowmap.core.matching.surface import HeightGrid, add_returns, empty_surface, joined, tiles_around, tiles_over
 from furrowmap.core.matching.walls import (
@@ -69,19 +70,13 @@ def register_windows(
                 free_patches(freed, [patches], WINDOW_PATCH_M, centre_m)
         return sums, freed
 
-    found = in_threads(work, windows(placing.returns.t_s, placing.knots, thin, placing.unused))
+    portions = windows(placing.returns.t_s, placing.knots, thin, placing.unused)
+    with ThreadPoolExecutor(THREADS) as pool:
+        found = list(pool.map(work, shares(portions)))
     sums = _sum_ground([s for s, _ in found])
     return GroundRegistration(
         Registration(sums.slices, coarse is not None, eliminated=[freed for _, freed in found]), sums
     )
-
-
-def register_session(
-    placing: Placing, relief: Relief, coarse: CoarseKnots | None, cell_m: float, thin: int
-) -> GroundRegistration:
-    """Every `thin`-th return against the ground of the whole session; arguments as :func:`register_windows`."""
-    portions = blocks(placing.returns.t_s, placing.knots, thin, placing.unused)
-    return register_to_surface(placing, portions, session_surface(placing, portions, cell_m), relief, coarse)
 
 
 def register_to_surface(
@@ -91,12 +86,14 @@ def register_to_surface(
 
     def work(share: Iterable[Portion]) -> tuple[GroundSums, list[Patches]]:
         sums = GroundSums.empty(len(placing.knots))
-        return sums, stored(
-            register_ground(placing.ground(c, part), surface, placing.poses(c, coarse), relief, 1.0, sums)
-            for c, part in share
-        )
+        patches = PatchStore()
+        for c, part in share:
+            placed = placing.ground(c, part)
+            patches.add(register_ground(placed, surface, placing.poses(c, coarse), relief, 1.0, sums))
+        return sums, patches.all()
 
-    found = in_threads(work, portions)
+    with ThreadPoolExecutor(THREADS) as pool:
+        found = list(pool.map(work, shares(portions)))
     sums = _sum_ground([s for s, _ in found])
     patches = [p for _, some in found for p in some]
     return GroundRegistration(Registration(sums.slices, coarse is not None, [patches], SESSION_PATCH_M), sums)
@@ -116,7 +113,8 @@ def session_surface(placing: Placing, portions: Sequence[Portion], cell_m: float
             add_returns(surface, placed.xyz_m, placed.layer, placed.half, placed.weight)
         return surface
 
-    return joined(in_threads(work, portions))
+    with ThreadPoolExecutor(THREADS) as pool:
+        return joined(list(pool.map(work, shares(portions))))
 
 
 @dataclass(frozen=True)
@@ -176,27 +174,26 @@ def register_to_walls(
 
     def work(share: Iterable[Portion]) -> tuple[SliceSums, Scatter, list[list[Patches]]]:
         sums, scatter = SliceSums.empty(len(placing.knots)), Scatter()
-
-        def found() -> Iterator[Patches]:
-            nonlocal scatter
-            for c, part in share:
-                placed = placing.upright(c, part)
-                walls = whole
-                factor = 1.0
-                if walls is None:
-                    walls = lines(add_upright(columns_over(placed.xyz_m), placed.xyz_m, placed.half))
-                    factor = 0.5
-                patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, factor, sums)
-                scatter = scatter.plus(more)
-                if whole is not None or len(patches.place):
-                    yield patches
-
-        patches = stored(found())
-        return sums, scatter, [patches] if whole is not None else [[one] for one in patches]
+        store = PatchStore()
+        for c, part in share:
+            placed = placing.upright(c, part)
+            walls = whole
+            factor = 1.0
+            if walls is None:
+                walls = lines(add_upright(columns_over(placed.xyz_m), placed.xyz_m, placed.half))
+                factor = 0.5
+            patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, factor, sums)
+            scatter = scatter.plus(more)
+            if whole is not None or len(patches.place):
+                store.add(patches)
+        patches_of_all = store.all()
+        return sums, scatter, [patches_of_all] if whole is not None else [[one] for one in patches_of_all]
 
     sums, scatter, references = SliceSums.empty(len(placing.knots)), Scatter(), []
     if len(placing.returns.upright) >= MIN_UPRIGHT_RETURNS:
-        for more_sums, more_scatter, more in in_threads(work, portions):
+        with ThreadPoolExecutor(THREADS) as pool:
+            parts = list(pool.map(work, shares(portions)))
+        for more_sums, more_scatter, more in parts:
             sums.take(more_sums)
             scatter = scatter.plus(more_scatter)
             references += more

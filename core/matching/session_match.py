@@ -29,12 +29,13 @@ from furrowmap.core.matching.matched import (
     Matched,
     Prepared,
     height_is_off,
-    match,
+    matched_by,
     prepare,
     slow_errors_unchecked,
 )
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
+from furrowmap.core.matching.solve import solve
 from furrowmap.core.matching.yaw_ambiguity import facing
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead
 from furrowmap.core.runtime.errors import Notice
@@ -49,7 +50,8 @@ FIRST_SCANS: Final = 20
 """Scans that show how the ground lies."""
 CLOCK_ROUNDS: Final = 6
 """Clocks that are off are corrected at most so often, less one."""
-_UNSOLVED: Final = Notice("matching-unsolved")
+UNSOLVED: Final = Notice("matching-unsolved")
+"""Positions and ground do not determine a part of the trajectory."""
 
 
 @dataclass(frozen=True)
@@ -66,80 +68,75 @@ class MatchedSession:
     matched: Matched | None
 
 
-def match_to_ground(
-    located: Located,
-    lidar: LidarRecording,
-    session: Session,
-    on_scan: Callable[[Scan | None], None] | None = None,
-    progress: Progress = silent,
-) -> tuple[Located, Matched | None]:
-    """The adjusted trajectory with its notices, and the result of matching; the first guess and None without one.
-
-    `on_scan` gets each scan as it is read, and None after the last.
-    """
-    try:
-        matched, ground = match_session(located, lidar, session, on_scan, progress)
-    except np.linalg.LinAlgError:
-        return replace(located, notices=(*located.notices, _UNSOLVED)), None
-    if matched is None:
-        assert located.antenna is not None
-        possible = ((FACING_ASSUMED, not ground.facing.shown), (LEVER_ASSUMED, any(lever_arm_m(session))))
-        assumed = (*(notice for notice, holds in possible if holds), slow_errors_unchecked(located.antenna))
-        located = replace(located, notices=(*located.notices, *assumed))
-        seen = Seen(ground=ground)
-        if (notice := contradiction_notice(seen)) is None:
-            return located, None
-        lever_m = np.asarray(lever_arm_m(session))
-        sensor_m = np.asarray(session.lidar.mounting.xyz_m)
-        trajectory = enlarge_sigmas(located.trajectory, seen, lever_m, sensor_m)
-        return replace(located, trajectory=trajectory, notices=(*located.notices, notice)), None
-    return replace(located, trajectory=matched.trajectory, notices=(*located.notices, *matched.notices)), matched
-
-
 def match_session(
     located: Located,
     lidar: LidarRecording,
     session: Session,
     on_scan: Callable[[Scan | None], None] | None = None,
     progress: Progress = silent,
-) -> tuple[Matched | None, GroundTilt]:
-    """Match a session's scans to the ground; None where they see too little of it. Also how the ground lies.
+) -> MatchedSession:
+    """Match a session's scans to the ground, where they see enough of it, and determine a trajectory with positions.
 
     Where scans show that the clocks are off, they are read and matched again with the offset found, until that is
     whole. An offset that is only suspected is tried where results contradict each other. Where they still do so with
     another offset, the stated one is used.
 
-    Raises:
-        LinAlgError: if positions and ground do not determine a part of the trajectory.
+    `on_scan` gets each scan as it is read, and None after the last.
     """
     offset_s = 0.0
     tried = False
-    for number in range(CLOCK_ROUNDS):
-        took = on_scan if not number else None
-        prepared, ground = _prepared(located, lidar.ahead_by(offset_s), session, took, progress)
+    found: Matched | None = None
+
+    def report(share: float) -> None:
+        progress("matching scans", share)
+
+    try:
+        for number in range(CLOCK_ROUNDS):
+            took = on_scan if not number else None
+            prepared, ground = _prepared(located, lidar.ahead_by(offset_s), session, took, progress)
+            if prepared is None:
+                break
+            if prepared.clock is not None and prepared.clock.certain and not tried:
+                offset_s = offset_s + prepared.clock.clock_s
+                tried = True
+                continue
+            matched = matched_by(prepared, solve(prepared.problem, prepared.first, report))
+            constants = matched.seen.constants
+            if constants.clock_off or (offset_s and abs(constants.clock_s) > constants.clock_sigma_s):
+                offset_s += constants.clock_s
+            elif matched.seen.cause is not None and not tried and (suspected_s := _suspected_s(matched, prepared)):
+                offset_s = offset_s + suspected_s
+                tried = True
+            elif matched.seen.cause is not None and offset_s:
+                break
+            else:
+                found = replace(matched, clock_used_s=offset_s)
+                break
+        if found is None and offset_s:
+            prepared, ground = _prepared(located, lidar, session, None, progress)
         if prepared is None:
-            break
-        if prepared.clock is not None and prepared.clock.certain and not tried:
-            offset_s = offset_s + prepared.clock.clock_s
-            tried = True
-            continue
-        matched = match(prepared, lambda share: progress("matching scans", share))
-        constants = matched.seen.constants
-        if constants.clock_off or (offset_s and abs(constants.clock_s) > constants.clock_sigma_s):
-            offset_s += constants.clock_s
-        elif matched.seen.cause is not None and not tried and (suspected_s := _suspected_s(matched, prepared)):
-            offset_s = offset_s + suspected_s
-            tried = True
-        elif matched.seen.cause is not None and offset_s:
-            break
-        else:
-            return _judged(replace(matched, clock_used_s=offset_s), prepared, located, session), ground
-    if offset_s:
-        prepared, ground = _prepared(located, lidar, session, None, progress)
-    if prepared is None:
-        return None, ground
-    matched = match(prepared, lambda share: progress("matching scans", share))
-    return _judged(matched, prepared, located, session), ground
+            return _unmatched(located, ground, session)
+        if found is None:
+            found = matched_by(prepared, solve(prepared.problem, prepared.first, report))
+        found = _judged(found, prepared, located, session)
+    except np.linalg.LinAlgError:
+        return MatchedSession(located.trajectory, (*located.notices, UNSOLVED), None)
+    return MatchedSession(found.trajectory, (*located.notices, *found.notices), found)
+
+
+def _unmatched(located: Located, ground: GroundTilt, session: Session) -> MatchedSession:
+    """The first guess, with what is assumed of it and what the lie of the ground contradicts."""
+    assert located.antenna is not None
+    possible = ((FACING_ASSUMED, not ground.facing.shown), (LEVER_ASSUMED, any(lever_arm_m(session))))
+    assumed = (*(notice for notice, holds in possible if holds), slow_errors_unchecked(located.antenna))
+    notices = (*located.notices, *assumed)
+    seen = Seen(ground=ground)
+    if (notice := contradiction_notice(seen)) is None:
+        return MatchedSession(located.trajectory, notices, None)
+    lever_m = np.asarray(lever_arm_m(session))
+    sensor_m = np.asarray(session.lidar.mounting.xyz_m)
+    trajectory = enlarge_sigmas(located.trajectory, seen, lever_m, sensor_m)
+    return MatchedSession(trajectory, (*notices, notice), None)
 
 
 def _suspected_s(matched: Matched, prepared: Prepared) -> float:

@@ -5,7 +5,7 @@ a window, so that a heading off by degrees converges. Then the ground is that of
 neighbouring passes and turns see the same soil.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -64,8 +64,6 @@ LEAST_TIMES: Final = 1.5
 SHOWN_M: Final = 0.2
 """A slow error on the map that scans should show."""
 
-Rounds = Sequence[tuple[float, int]]
-
 
 def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -> Adjusted:
     """The poses at which ground, GNSS and wheels agree best.
@@ -88,7 +86,7 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
         it = match_windows(problem, replace(it, unused=gaps), steps)
         it = bridge_gaps(problem, it)
     begin = match_windows(problem, it, steps)
-    adjusted = match_and_calibrate(problem, begin, steps)
+    adjusted = match_rounds(problem, begin, steps)
     # A wrong lever arm or clock looks like slow errors, but not in heights.
     seen = check_consistency(adjusted, LEVEL_GROUND)
     times = (1.0, 1.0)
@@ -104,23 +102,37 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
             break
         followed = with_slow_errors(problem, times)
         steps.expect(2 * len(SESSION_ROUNDS))
-        adjusted = match_and_calibrate(followed, replace(begin, observations=followed.observations), steps)
+        adjusted = match_rounds(followed, replace(begin, observations=followed.observations), steps)
         adjusted = replace(adjusted, slow_errors=shown)
     progress(1.0)
     return adjusted
 
 
-def match_and_calibrate(problem: Problem, it: Iterate, steps: "_Steps") -> Adjusted:
-    """Rounds of the whole session, and more with the mounting that they show where that is off."""
-    it = match_session(problem, it, SESSION_ROUNDS, steps)
-    it = calibrate_mounting(problem, it)
-    for _ in range(MAX_REMOUNTS):
+def match_rounds(problem: Problem, it: Iterate, steps: "_Steps") -> Adjusted:
+    """Rounds of the whole session, and more with the mounting that they show where that is off.
+
+    Each goes from wide to fine cells; the constants of the lasers are found before the first one with all returns.
+    """
+    for remounts in range(MAX_REMOUNTS + 1):
+        rounds = REMOUNT_ROUNDS if remounts else SESSION_ROUNDS
+        for cell_m, thin in rounds:
+            if thin == 1 and it.sensor.ranges is None:
+                ranges = laser_ranges(it.placing(problem), problem.sensor_axis)
+                it = replace(it, sensor=replace(it.sensor, ranges=ranges))
+            for repeat in range(MAX_REPEATS + 1):
+                it, tilted = session_step(problem, it, cell_m, thin, free=True)
+                steps.done()
+                it, _ = session_step(problem, it, cell_m, thin, free=False)
+                steps.done()
+                if tilted < SETTLED_TILT_RAD or repeat == MAX_REPEATS:
+                    break
+                steps.expect(2)
+        it = calibrate_mounting(problem, it)
         turn_deg = it.calibration.turn_deg if it.calibration is not None else np.zeros(3)
-        if np.abs(turn_deg).max() < MIN_TURN_DEG:
+        if np.abs(turn_deg).max() < MIN_TURN_DEG or remounts == MAX_REMOUNTS:
             break
         steps.expect(2 * len(REMOUNT_ROUNDS))
-        it = match_session(problem, it.turned(turn_deg), REMOUNT_ROUNDS, steps)
-        it = calibrate_mounting(problem, it)
+        it = it.turned(turn_deg)
     return Adjusted.from_iterate(problem, it)
 
 
@@ -146,23 +158,6 @@ def match_windows(problem: Problem, it: Iterate, steps: "_Steps") -> Iterate:
         steps.done()
         if number >= least:
             if turned < SETTLED_TURN_RAD:
-                break
-            steps.expect(2)
-    return it
-
-
-def match_session(problem: Problem, it: Iterate, rounds: Rounds, steps: "_Steps") -> Iterate:
-    """Rounds of the whole session, from wide to fine cells; the lasers' constants before the one with all returns."""
-    for cell_m, thin in rounds:
-        if thin == 1 and it.sensor.ranges is None:
-            ranges = laser_ranges(it.placing(problem), problem.sensor_axis)
-            it = replace(it, sensor=replace(it.sensor, ranges=ranges))
-        for repeat in range(MAX_REPEATS + 1):
-            it, tilted = session_step(problem, it, cell_m, thin, free=True)
-            steps.done()
-            it, _ = session_step(problem, it, cell_m, thin, free=False)
-            steps.done()
-            if tilted < SETTLED_TILT_RAD or repeat == MAX_REPEATS:
                 break
             steps.expect(2)
     return it

@@ -19,17 +19,18 @@ from furrowmap.core.adjustment.coarse import CoarseKnots, coarse_equations, coar
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, ROTATION, Knots, State, normal_equations
 from furrowmap.core.adjustment.relaxation import Relaxation
 from furrowmap.core.adjustment.vehicle import AxleSteps
-from furrowmap.core.matching.portions import MATCH_WINDOW_S, in_gaps
+from furrowmap.core.matching.portions import MATCH_WINDOW_S, blocks, in_gaps
 from furrowmap.core.matching.problem import Iterate, Linearised, Problem
 from furrowmap.core.matching.registration import (
     SESSION_PATCH_M,
     WINDOW_PATCH_M,
     GroundRegistration,
     WallRegistration,
-    register_session,
+    register_to_surface,
     register_wall_session,
     register_wall_windows,
     register_windows,
+    session_surface,
 )
 from furrowmap.core.matching.walls import Scatter
 from furrowmap.core.runtime import arrays
@@ -89,11 +90,12 @@ def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, fre
     every = max(COARSE_EVERY, -(-len(knots) // MAX_COARSE))
     coarse = CoarseKnots.over(knots, every, SESSION_PATCH_M) if free else None
     placing = it.placing(problem)
+    portions = blocks(placing.returns.t_s, knots, thin, placing.unused)
     correlated = _correlated(it)
     with ThreadPoolExecutor(1) as pool:
         before = pool.submit(normal_equations, it.observations, knots, state)
         beside = pool.submit(register_wall_session, placing, correlated, coarse, thin)
-        ground = register_session(placing, it.relief, coarse, cell_m, thin)
+        ground = register_to_surface(placing, portions, session_surface(placing, portions, cell_m), it.relief, coarse)
         held = before.result()
         walls = beside.result()
     if coarse is None:

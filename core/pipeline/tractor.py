@@ -26,7 +26,7 @@ from furrowmap.core.pipeline.solution import (
 from furrowmap.core.readers.reader import Reader
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
-from furrowmap.core.trajectory.located import Located, locate
+from furrowmap.core.trajectory.located import locate
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.values.session import Session
 
@@ -48,18 +48,25 @@ def first_guess(opened: OpenSession, positions: Reader, watch: StopWatch, progre
 
 def solve(opened: OpenSession, guess: FirstGuess, progress: Progress, checkpoint: Checkpoint | None) -> Solution:
     """Match the scans to the ground; what an earlier run kept of that is used instead."""
+    from furrowmap.core.matching.session_match import match_session
+
     session = opened.session
     carrier, mount_notices = carrier_of(guess.located, session, opened.inputs.mount)
     recording = opened.lidar(float(np.mean(guess.located.trajectory.span_s)))
     implement = ImplementTracker(session, learned_implements(opened))
-    located, matched, kept = _match(opened, guess.located, recording, implement, progress, checkpoint)
+    kept = checkpoint.load() if checkpoint is not None else None
+    # The implement sees the scans while they are read.
+    found = kept or match_session(guess.located, recording, session, implement.add_scan, progress)
+    if checkpoint is not None and kept is None:
+        checkpoint.save(found)
+    located = replace(guess.located, trajectory=found.trajectory, notices=found.notices)
+    matched = found.matched
     lidar = recording if matched is None else recording.ahead_by(matched.clock_used_s)
-    mounting = session.lidar.mounting if matched is None else matched.mounting
     if matched is not None and _seen_elsewhere(opened, matched):
         # The yaw ambiguity of the mounting was resolved otherwise than stated, or the clocks are off.
         implement = ImplementTracker(_as_mounted(opened, matched), learned_implements(opened))
         look_for_implement(implement, lidar, progress)
-    elif kept:
+    elif kept is not None:
         look_for_implement(implement, lidar, progress)
     located = with_doubtful_heights(without_unstated_accuracy(located, session))
     located = held_against_control(located, guess.aid)
@@ -71,36 +78,13 @@ def solve(opened: OpenSession, guess: FirstGuess, progress: Progress, checkpoint
         guess,
         located,
         lidar,
-        mounting,
+        session.lidar.mounting if matched is None else matched.mounting,
         implement,
         carrier,
         scale,
         matched,
         mount_notices=tuple(mount_notices),
     )
-
-
-def _match(
-    opened: OpenSession,
-    guess: Located,
-    lidar: LidarRecording,
-    implement: ImplementTracker,
-    progress: Progress,
-    checkpoint: Checkpoint | None,
-) -> tuple[Located, Matched | None, bool]:
-    """The trajectory, the result of matching, and whether an earlier run kept them.
-
-    The implement sees the scans, unless they were kept.
-    """
-    from furrowmap.core.matching.session_match import MatchedSession, match_to_ground
-
-    kept = checkpoint.load() if checkpoint is not None else None
-    if kept is not None:
-        return replace(guess, trajectory=kept.trajectory, notices=kept.notices), kept.matched, True
-    located, matched = match_to_ground(guess, lidar, opened.session, implement.add_scan, progress)
-    if checkpoint is not None:
-        checkpoint.save(MatchedSession(located.trajectory, located.notices, matched))
-    return located, matched, False
 
 
 def learned_implements(opened: OpenSession) -> list[SeenImplement | None]:

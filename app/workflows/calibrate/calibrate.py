@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from furrowmap.core.matching.session_match import match_session
+from furrowmap.core.matching.session_match import UNSOLVED, match_session
 from furrowmap.core.pipeline.solution import companions
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
@@ -110,12 +110,11 @@ def _calibrate_session(opened: OpenSession, progress: Progress) -> Calibration:
         return _calibrate_by_strips(opened, located, progress)
     if located.antenna is None:
         raise _not_shown(session_file, "its trajectory comes from a file, not from GNSS")
-    try:
-        lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
-        matched, _ = match_session(located, lidar, session, progress=progress)
-    except np.linalg.LinAlgError as error:
-        why = "positions and ground leave a part of the drive without any hold"
-        raise _not_shown(session_file, why) from error
+    lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
+    known = match_session(located, lidar, session, progress=progress)
+    if UNSOLVED in known.notices:
+        raise _not_shown(session_file, "positions and ground leave a part of the drive without any hold")
+    matched = known.matched
     if matched is None:
         raise _not_shown(session_file, "the scans see too little ground")
     found = matched.calibration

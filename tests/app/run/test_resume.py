@@ -59,7 +59,7 @@ def test_promise_20__resumed_run_uses_the_matching_and_gives_the_same_result(
     with pytest.raises(furrowmap.InputError):  # nothing to read, and what was kept stays
         furrowmap.open_result(folder)
     assert leases(folder)
-    monkeypatch.setattr(session_match, "match_to_ground", None)
+    monkeypatch.setattr(session_match, "match_session", None)
     resumed = furrowmap.run(simulated.session, folder, resume=True)
     assert not leases(folder)
     ours, theirs = digests(folder), digests(result.path)

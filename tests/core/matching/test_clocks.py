@@ -79,7 +79,7 @@ def lever_aside(session: Session) -> Session:
 def matched(opened: OpenSession, misstated: Misstated) -> Matched:
     opened = replace(opened, session=misstated(opened.session))
     located = locate(opened.positions(), opened.session, opened.frame)
-    found, _ = match_session(located, opened.lidar(float(np.mean(located.trajectory.span_s))), opened.session)
+    found = match_session(located, opened.lidar(float(np.mean(located.trajectory.span_s))), opened.session).matched
     assert found is not None
     return found
 

@@ -7,9 +7,10 @@ import dataclasses
 import numpy as np
 
 from furrowmap.core.matching.laser_ranges import MIN_LASER_RETURNS, ranges_of
-from furrowmap.core.matching.matched import match, prepare
+from furrowmap.core.matching.matched import matched_by, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
+from furrowmap.core.matching.solve import solve
 from furrowmap.core.values.scan import MAX_LASERS, LaserRanges, Scan, shortened
 from tests.core.conftest import Recording
 
@@ -87,7 +88,7 @@ def test_a_drive_of_ten_seconds_shows_more_than_half_of_what_each_laser_has_of_i
         lever_m = session.antenna.xyz_m
         prepared = prepare(one, located.trajectory, located.antenna, lever_m, mounting, tool)
         assert prepared is not None
-        matched = match(prepared, lambda _: None)
+        matched = matched_by(prepared, solve(prepared.problem, prepared.first, lambda _: None))
         assert matched.ranges is not None
         found.append(matched.ranges)
     without, with_them = found

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.matching.matched import Matched, match, prepare
+from furrowmap.core.matching.matched import Matched, matched_by, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns, ground_returns
+from furrowmap.core.matching.solve import solve
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.trajectory import SIGMA_NAMES, Motion, Trajectory
 from tests.core.conftest import Recording
@@ -52,7 +53,7 @@ def judged(straight: Recording) -> Judged:
     mounting = session.lidar.mounting
     prepared = prepare(returns, located.trajectory, located.antenna, session.antenna.xyz_m, mounting, tool)
     assert prepared is not None
-    matched = match(prepared, told.append)
+    matched = matched_by(prepared, solve(prepared.problem, prepared.first, told.append))
     trajectory = matched.trajectory
     t = np.arange(returns.t_s[0] + 0.1, returns.t_s[-1] - 0.1, 0.05)
     k, share, known = trajectory.interval(t)
@@ -140,7 +141,9 @@ def test_a_stray_return_long_after_all_others_does_no_harm(straight: Recording) 
     )
     arguments = located.trajectory, located.antenna, session.antenna.xyz_m, session.lidar.mounting, None
     prepared = [prepare(returns, *arguments) for returns in (few, more)]
-    without, found = (match(one, lambda share: None) for one in prepared if one is not None)
+    without, found = (
+        matched_by(one, solve(one.problem, one.first, lambda share: None)) for one in prepared if one is not None
+    )
     near = len(without.trajectory)
     assert (found.trajectory.t_s[near:] > stray_s - 1.0).all()
     assert found.trajectory.sigma[near:, :2].min() > 1.0

@@ -11,7 +11,7 @@ from pathlib import Path
 import dpkt
 import numpy as np
 
-from furrowmap.core.matching.session_match import match_to_ground
+from furrowmap.core.matching.session_match import match_session
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import Located, locate
 from furrowmap.core.values.gnss import Positions
@@ -32,7 +32,8 @@ def matched(session_file: Path, edit: Callable[[Positions], Positions] = lambda 
     assert located.antenna is not None
     located = replace(located, antenna=edit(located.antenna))
     lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
-    return located, match_to_ground(located, lidar, opened.session)[0]
+    found = match_session(located, lidar, opened.session)
+    return located, replace(located, trajectory=found.trajectory, notices=found.notices)
 
 
 def codes(located: Located) -> set[str]:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.coarse import CoarseKnots, coarse_equations, fine_step
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, State, knots_over, place, turns
-from furrowmap.core.adjustment.registration import Patches, free_patches, stored
+from furrowmap.core.adjustment.registration import Patches, PatchStore, free_patches
 from furrowmap.core.matching.ground import ChainPoses, GroundSums, PlacedReturns, Relief, register_ground
 from furrowmap.core.matching.surface import add_returns, empty_surface, tiles_over
 
@@ -265,7 +265,10 @@ def test_stored__patches_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
         for n in (2, 0, 3, 1, 4, 2)
     ]
     monkeypatch.setattr("furrowmap.core.adjustment.registration.MIN_STORED_ROWS", 5)
-    found = stored(iter(parts))
+    store = PatchStore()
+    for part in parts:
+        store.add(part)
+    found = store.all()
     assert found[0].early.base is found[2].early.base  # of the first five rows
     for one, same in zip(parts, found, strict=True):
         for name, column in vars(one).items():

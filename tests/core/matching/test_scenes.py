@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.matching.consistency import Cause
-from furrowmap.core.matching.session_match import match_session, match_to_ground
+from furrowmap.core.matching.session_match import match_session
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.simulator.scenario import Noise, Scenario, ScenarioDrive, ScenarioField, ScenarioSoil
@@ -63,7 +63,7 @@ def test_promise_15__a_right_session_is_neither_turned_nor_doubted(
 ) -> None:
     opened, truth = concrete if name == "concrete" else opened_scene(SCENES[name], tmp_path / name)
     located = locate(opened.positions(), opened.session, opened.frame)
-    matched, _ = match_session(located, opened.lidar(truth.span_s[0]), opened.session)
+    matched = match_session(located, opened.lidar(truth.span_s[0]), opened.session).matched
     assert matched is not None
     assert matched.mounting == opened.session.lidar.mounting
     codes = {notice.code for notice in matched.notices}
@@ -82,7 +82,7 @@ def test_promise_12__without_relief_the_sway_shows_a_lever_arm_that_is_wrong(
     back = msgspec.structs.replace(opened.session.antenna, xyz_m=(-x, y, z))
     session = msgspec.structs.replace(opened.session, antenna=back)
     located = locate(opened.positions(), session, opened.frame)
-    matched, _ = match_session(located, opened.lidar(truth.span_s[0]), session)
+    matched = match_session(located, opened.lidar(truth.span_s[0]), session).matched
     assert matched is not None
     assert matched.notices[0].code == "contradiction"
     assert matched.seen.cause is Cause.LEVER_ARM
@@ -98,7 +98,7 @@ def test_promise_13__without_relief_the_sway_shows_clocks_that_are_apart(
     session = msgspec.structs.replace(opened.session, recording=apart)
     located = locate(opened.positions(), session, opened.frame)
     lidar = replace(opened, session=session).lidar(truth.span_s[0])
-    matched, _ = match_session(located, lidar, session)
+    matched = match_session(located, lidar, session).matched
     assert matched is not None
     assert matched.clock_used_s == pytest.approx(-0.3, abs=0.03)
     assert "clock-offset" in {notice.code for notice in matched.notices}
@@ -108,8 +108,8 @@ def test_promise_15__among_standing_crop_what_nothing_shows_is_said_to_be_assume
     scene = {"soil": ScenarioSoil(kind="maize", worked="same"), "drive": msgspec.structs.replace(DRIVE, pass_m=(9.0,))}
     opened, truth = opened_scene(scene, tmp_path / "maize")
     located = locate(opened.positions(), opened.session, opened.frame)
-    placed, matched = match_to_ground(located, opened.lidar(truth.span_s[0]), opened.session)
-    assert matched is None
+    placed = match_session(located, opened.lidar(truth.span_s[0]), opened.session)
+    assert placed.matched is None
     assert {notice.code for notice in placed.notices} >= {"lever-assumed", "slow-errors-assumed"}
     assert "contradiction" not in {notice.code for notice in placed.notices}
     assert np.median(errors_over_sigmas(placed.trajectory, truth), axis=0).max() < 3.0
@@ -118,7 +118,7 @@ def test_promise_15__among_standing_crop_what_nothing_shows_is_said_to_be_assume
     roll, pitch, yaw = opened.session.lidar.rpy_deg
     turned = msgspec.structs.replace(opened.session.lidar, rpy_deg=(roll, pitch, yaw + 180.0))
     session = msgspec.structs.replace(opened.session, lidar=turned)
-    _, found = match_to_ground(located, replace(opened, session=session).lidar(truth.span_s[0]), session)
+    found = match_session(located, replace(opened, session=session).lidar(truth.span_s[0]), session).matched
     assert found is not None  # as the scanner sees more ground ahead of a vehicle whose body lies there
     assert found.mounting.rotation == pytest.approx(opened.session.lidar.mounting.rotation, abs=0.03)
     assert "mounting-off" in {notice.code for notice in found.notices}
