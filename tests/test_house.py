@@ -377,6 +377,44 @@ def test_assignments__set_one_name_each() -> None:
     assert len(several) <= 0.02 * len(found)
 
 
+CLOSURES = {"workflows.run.run": (245, 47_500), "core.pipeline.run": (190, 37_300)}
+"""Files, and lines in them, that a module imports, directly or not; wanted are 190 and 38,000, 120 and 24,000."""
+TOOLS_OF_A_RUN = ("core.accuracy", "core.crops", "core.features", "core.simulator", "settings", "workflows.clouds")
+"""What `run` does not need: :mod:`furrowmap.workflows.run.session_run`, which stands above it, chains it."""
+
+
+@pytest.mark.parametrize("module", CLOSURES)
+def test_closure__of_a_run_is_what_it_needs(module: str) -> None:
+    """What is imported in functions counts, what is imported for type checkers does not."""
+    reached = set[str]()
+    waiting = [f"furrowmap.{module}"]
+    while waiting:
+        name = waiting.pop()
+        if name not in reached and name in module_files() and module_files()[name].name != "__init__.py":
+            reached.add(name)
+            waiting += needed(module_files()[name])
+    most_files, most_lines = CLOSURES[module]
+    assert len(reached) <= most_files
+    assert sum(module_files()[name].read_text(encoding="utf-8").count("\n") for name in reached) <= most_lines
+    tools = [f"furrowmap.{name}" for name in TOOLS_OF_A_RUN]
+    assert {name for name in reached if within(name, tools)} == set()
+
+
+def needed(path: Path) -> set[str]:
+    """Modules that a file imports but for type checkers, wherever in it."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            node.body = [ast.Pass()]
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {f"{node.module}"}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return found & module_files().keys()
+
+
 def test_stories_of_the_pipeline__can_be_kept_in_mind() -> None:
     """At most 15 names each, arguments included."""
     names = {"run": "run", "tractor": "solve", "placed": "solve", "flight": "solve", "place": "place"}

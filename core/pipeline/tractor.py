@@ -50,13 +50,12 @@ def solve(opened: OpenSession, guess: FirstGuess, progress: Progress, checkpoint
     """Match the scans to the ground; what an earlier run kept of that is used instead."""
     from furrowmap.core.matching.session_match import match_session
 
-    session = opened.session
-    carrier, mount_notices = carrier_of(guess.located, session, opened.inputs.mount)
+    carrier, mount_notices = carrier_of(guess.located, opened.session, opened.inputs.mount)
     recording = opened.lidar(float(np.mean(guess.located.trajectory.span_s)))
-    implement = ImplementTracker(session, learned_implements(opened))
+    implement = ImplementTracker(opened.session, learned_implements(opened))
     kept = checkpoint.load() if checkpoint is not None else None
     # The implement sees the scans while they are read.
-    found = kept or match_session(guess.located, recording, session, implement.add_scan, progress)
+    found = kept or match_session(guess.located, recording, opened.session, implement.add_scan, progress)
     if checkpoint is not None and kept is None:
         checkpoint.save(found)
     located = replace(guess.located, trajectory=found.trajectory, notices=found.notices)
@@ -68,17 +67,17 @@ def solve(opened: OpenSession, guess: FirstGuess, progress: Progress, checkpoint
         look_for_implement(implement, lidar, progress)
     elif kept is not None:
         look_for_implement(implement, lidar, progress)
-    located = with_doubtful_heights(without_unstated_accuracy(located, session))
+    located = with_doubtful_heights(without_unstated_accuracy(located, opened.session))
     located = held_against_control(located, guess.aid)
     if located.trajectory is not guess.located.trajectory:
-        carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
+        carrier, mount_notices = carrier_of(located, opened.session, opened.inputs.mount)
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = ground_scale(opened.frame, located.trajectory) if matched is None else 1.0
     return Solution(
         guess,
         located,
         lidar,
-        session.lidar.mounting if matched is None else matched.mounting,
+        opened.session.lidar.mounting if matched is None else matched.mounting,
         implement,
         carrier,
         scale,
