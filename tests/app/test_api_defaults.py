@@ -51,6 +51,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "farm_traffic": {"cell_m": 0.1},
     "mosaic": {"mean": False},
     "parcels": {"net_inset_m": (0.0, 0.0), "method": "canopy-top", "soil": "surface", "compare": False},
+    "response": {"model": "auto", "without_blocks": False},
     "season": {"content": (), "spacing_m": 0.0, "most_rows": 5_000_000},
     "tie": {"reference_sigma_m": 0.0},
     "surface": {"statistic": "median", "ground": "auto", "outliers": "none", "every": 1, "fill_m": 0.0},
