@@ -303,10 +303,11 @@ def _weights(fits: Sequence[ProfiledModel], *, straight_ruled_out: bool) -> Floa
     if straight_ruled_out:
         criteria[[fit.model.name == "linear" for fit in fits]] = np.inf
     if not np.isfinite(criteria).any():
-        simplest = max(fit.freedom for fit in fits)
-        criteria = np.array(
-            [fit.seen.number * np.log(fit.variance) if fit.freedom == simplest else np.inf for fit in fits]
-        )
+        possible = [not (straight_ruled_out and fit.model.name == "linear") for fit in fits]
+        simplest = max(fit.freedom for fit, kept in zip(fits, possible, strict=True) if kept)
+        alike = [kept and fit.freedom == simplest for fit, kept in zip(fits, possible, strict=True)]
+        squares = np.array([fit.seen.number * np.log(fit.variance) for fit in fits])
+        criteria = np.where(alike, squares, np.inf)
     weights = np.exp(-0.5 * (criteria - criteria.min()))
     return np.asarray(weights / weights.sum())
 

@@ -213,6 +213,7 @@ def test_answer__does_not_depend_on_the_units(dose_unit: float, yield_unit: floa
     assert [each.weight for each in other.models] == pytest.approx([each.weight for each in first.models], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_intervals__hold_the_truth_and_end_within_the_doses() -> None:
     """A smaller benchmarks/response_curve.py: 100 trials of five shapes."""
     held = 0
@@ -286,6 +287,16 @@ def test_what_shows_no_response__says_so() -> None:
         assert not few.models
         assert few.p is None
         assert "needs three doses" in few.words
+
+
+def test_five_plots_that_level_off__are_not_a_straight_line() -> None:
+    """One plot for each dose: AICc does not exist for a curve, and the line is ruled out."""
+    found = fit_response(RATES[:5], np.array([2.0, 6.0, 8.0, 8.05, 8.02]), question=ResponseQuestion(ratio=RATIO))
+    assert found.p_straight is not None
+    assert found.p_straight <= 0.05
+    assert found.models[0].name != "linear"
+    assert found.models[0].aicc is None
+    assert found.models[-1].weight == 0.0
 
 
 def test_falling_yields__are_best_at_the_lowest_dose() -> None:
