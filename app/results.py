@@ -180,6 +180,22 @@ class Result:
     """Path of the implement, a line for each stretch in one state."""
     events = ResultLayer()
     """Implement down and up, stops, reversals, gaps."""
+    boundary = ResultLayer()
+    """Boundary of the field."""
+    unworked = ResultLayer()
+    """Ground of the field that was not worked."""
+    strips = ResultLayer()
+    """Ground seen by each straight pass of a flight."""
+    strip_differences = ResultLayer()
+    """Differences in height between the strips of a flight."""
+    parcels = ResultLayer()
+    """Parcels of a trial, with height and volume of the crop."""
+    planes = ResultLayer()
+    """Planes found in the cloud."""
+    lines = ResultLayer()
+    """Lines found in the cloud, such as wires."""
+    plants = ResultLayer()
+    """Plants found in the cloud."""
 
     def __init__(self, folder: ResultFolder) -> None:
         self._folder = folder

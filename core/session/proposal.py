@@ -636,8 +636,6 @@ def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> li
     lines = []
     for recording, clock in recordings:
         span = f", {iso_utc(clock.first_s)} to {iso_utc(clock.last_s)} ({clock.clock.value})" if clock else ""
-        if tried := recording.inspection.facts.get("tried_on"):
-            lines.append(f"# The reader was tried on {tried}.")
         lines.append(f"# {printable(recording.path.name)}: {printable(recording.inspection.title)}{span}")
     return lines
 

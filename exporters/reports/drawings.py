@@ -56,6 +56,17 @@ def pass_colour(number: int, passes: int) -> str:
     return mixed_colour((number - 1) / (passes - 1) if passes > 1 else 0.5, PASS_COLOURS)
 
 
+MAX_KEYED_PASSES: Final = 8
+"""Of more passes the legend of a map has the first and the last."""
+
+
+def pass_key(passes: int) -> list[tuple[str, str]]:
+    """Colours and names of the passes for the legend of a map."""
+    if passes <= MAX_KEYED_PASSES:
+        return [(pass_colour(number, passes), f"pass {number}") for number in range(1, passes + 1)]
+    return [(pass_colour(1, passes), "first pass"), (pass_colour(passes, passes), "last pass")]
+
+
 def fix_colour(fix: int) -> str:
     """Colour of a kind of fix."""
     return FIX_COLOURS.get(Fix(fix), OTHER_COLOUR) if fix in list(Fix) else OTHER_COLOUR
@@ -154,6 +165,18 @@ def activities(poses: ScanPoses, work: FieldWork) -> NDArray[np.int8]:
     chosen = [forward & (state == ToolState.DOWN), back | (forward & (state == ToolState.UP)), ~forward & ~back]
     found: NDArray[np.int8] = np.select(chosen, [0, 1, 2], 3).astype(np.int8)
     return found
+
+
+def poses_at_work(poses: ScanPoses, work: FieldWork) -> ScanPoses | None:
+    """The poses from the first pass to the last, as the hours of a report count them; None without passes."""
+    if work.ground is None or not work.ground.passes:
+        return None
+    begin_s = min(one.times.begin_s for one in work.ground.passes)
+    end_s = max(one.times.end_s for one in work.ground.passes)
+    inside = (poses.t_s >= begin_s) & (poses.t_s <= end_s)
+    if inside.sum() < 2:
+        return None
+    return ScanPoses(**{name: values[inside] for name, values in vars(poses).items()})
 
 
 def activity_graph(poses: ScanPoses, work: FieldWork) -> Markup:

@@ -151,7 +151,8 @@ def write_page(
         (drawings.fix_colour(fix), f"{_fix_name(fix)} {count / len(poses):.0%}")
         for fix, count in Counter(poses.fix.tolist()).most_common()
     ]
-    active = set(drawings.activities(poses, work).tolist())
+    working = drawings.poses_at_work(poses, work)
+    active = set(drawings.activities(working, work).tolist()) if working is not None else set()
     page = render(
         "report.html",
         title=found.session.name or "Field report",
@@ -162,6 +163,7 @@ def write_page(
         scanners=scanners(found),
         zone=found.zone,
         poses=poses,
+        working=working,
         draw=drawings,
         range_images=range_images,
         box_m=box_m,

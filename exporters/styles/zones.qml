@@ -10,7 +10,7 @@
    <symbol type="fill" name="0" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="150,120,80,160"/>
+      <Option name="color" type="QString" value="150,120,80,70"/>
       <Option name="style" type="QString" value="b_diagonal"/>
       <Option name="outline_color" type="QString" value="150,120,80,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
@@ -22,7 +22,7 @@
    <symbol type="fill" name="1" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="214,196,150,70"/>
+      <Option name="color" type="QString" value="214,196,150,30"/>
       <Option name="style" type="QString" value="solid"/>
       <Option name="outline_color" type="QString" value="150,120,80,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
