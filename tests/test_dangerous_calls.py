@@ -141,7 +141,7 @@ DOORS = {
 }  # fmt: skip
 """The ways in for files of users; GDAL, laspy and csv are called here."""
 NO_INPUTS = {
-    "app/__init__.py": "its own source", "app/kernel_cache.py": "sources of the package",
+    "app/kernel_cache.py": "sources of the package",
     "app/warm_up.py": "a list of the package", "app/workflows/batch/batch.py": "products, copied into a store",
     "app/workflows/calibrate/calibrate.py": "the session, to change it",
     "app/workflows/live/feeds.py": "what a recorder is writing",
