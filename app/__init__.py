@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from importlib.metadata import version
 
-    from furrowmap.core.accuracy.check import Check as Check
     from furrowmap.core.accuracy.evaluation import Evaluation as Evaluation
     from furrowmap.core.accuracy.paired_points import PairedPoints as PairedPoints
+    from furrowmap.core.accuracy.product_check import Check as Check
     from furrowmap.core.images.board import Board as Board
     from furrowmap.core.pointclouds.cleaning_steps import Cleaning as Cleaning
     from furrowmap.core.readers.reader import Inspection as Inspection
@@ -33,15 +33,15 @@ if TYPE_CHECKING:
     from furrowmap.core.runtime.settings import using_threads as using_threads
     from furrowmap.core.session.examination import Examined as Examined
     from furrowmap.core.session.examination import time_matches as time_matches
-    from furrowmap.core.session.frames import Frame as Frame
-    from furrowmap.core.session.frames import FrameTree as FrameTree
+    from furrowmap.core.session.frame_tree import Frame as Frame
+    from furrowmap.core.session.frame_tree import FrameTree as FrameTree
     from furrowmap.core.session.site_coordinates import SiteCoordinates as SiteCoordinates
     from furrowmap.core.session.site_coordinates import site_coordinates as site_coordinates
     from furrowmap.core.simulator.simulate import Simulated as Simulated
     from furrowmap.core.values.plot_grid import PlotGrid as PlotGrid
     from furrowmap.core.values.scan import Scan as Scan
     from furrowmap.exporters.farm.edit import KnownSession as KnownSession
-    from furrowmap.exporters.farm.mosaic import Mosaic as Mosaic
+    from furrowmap.exporters.farm.surface_mosaic import Mosaic as Mosaic
     from furrowmap.exporters.farm.traffic import Wheels as Wheels
     from furrowmap.exporters.reports.evaluation_figures import evaluation_figures as evaluation_figures
     from furrowmap.recordings import inspect as inspect
@@ -91,14 +91,14 @@ if TYPE_CHECKING:
     from furrowmap.workflows.farm.farm import add_to_farm_map as add_to_farm_map
     from furrowmap.workflows.farm.farm import farm_map_sessions as farm_map_sessions
     from furrowmap.workflows.farm.farm import remove_from_farm_map as remove_from_farm_map
+    from furrowmap.workflows.farm.farm_memory import FarmMemory as FarmMemory
+    from furrowmap.workflows.farm.farm_memory import FieldHistory as FieldHistory
+    from furrowmap.workflows.farm.farm_memory import TrafficRaster as TrafficRaster
+    from furrowmap.workflows.farm.farm_memory import farm_memory as farm_memory
+    from furrowmap.workflows.farm.farm_memory import farm_traffic as farm_traffic
+    from furrowmap.workflows.farm.farm_memory import field_history as field_history
     from furrowmap.workflows.farm.fields import Fields as Fields
     from furrowmap.workflows.farm.fields import fields as fields
-    from furrowmap.workflows.farm.memory import FarmMemory as FarmMemory
-    from furrowmap.workflows.farm.memory import FieldHistory as FieldHistory
-    from furrowmap.workflows.farm.memory import TrafficRaster as TrafficRaster
-    from furrowmap.workflows.farm.memory import farm_memory as farm_memory
-    from furrowmap.workflows.farm.memory import farm_traffic as farm_traffic
-    from furrowmap.workflows.farm.memory import field_history as field_history
     from furrowmap.workflows.farm.mosaic import mosaic as mosaic
     from furrowmap.workflows.gnss.evaluate import evaluate_gnss as evaluate_gnss
     from furrowmap.workflows.gnss.evaluate import evaluation_table as evaluation_table
@@ -112,12 +112,12 @@ if TYPE_CHECKING:
     from furrowmap.workflows.run.session_run import run as run
     from furrowmap.workflows.season.season import Season as Season
     from furrowmap.workflows.season.season import season as season
-    from furrowmap.workflows.session.frames import frames as frames
     from furrowmap.workflows.session.init import ProposedSession as ProposedSession
     from furrowmap.workflows.session.init import propose_session as propose_session
-    from furrowmap.workflows.session.machines import KnownMachine as KnownMachine
-    from furrowmap.workflows.session.machines import known_machines as known_machines
-    from furrowmap.workflows.session.machines import save_machine as save_machine
+    from furrowmap.workflows.session.known_machines import KnownMachine as KnownMachine
+    from furrowmap.workflows.session.known_machines import known_machines as known_machines
+    from furrowmap.workflows.session.known_machines import save_machine as save_machine
+    from furrowmap.workflows.session.session_frames import frames as frames
     from furrowmap.workflows.session.simulate import simulate as simulate
     from furrowmap.workflows.share.export import Exported as Exported
     from furrowmap.workflows.share.export import export as export
@@ -245,7 +245,7 @@ _MODULES: Final = {
     "Board": "furrowmap.core.images.board",
     "Calibration": "furrowmap.workflows.calibrate.calibrate",
     "CanopySettings": "furrowmap.settings",
-    "Check": "furrowmap.core.accuracy.check",
+    "Check": "furrowmap.core.accuracy.product_check",
     "CheckSettings": "furrowmap.settings",
     "CleanSettings": "furrowmap.settings",
     "Cleaning": "furrowmap.core.pointclouds.cleaning_steps",
@@ -254,20 +254,20 @@ _MODULES: Final = {
     "Examined": "furrowmap.core.session.examination",
     "Exported": "furrowmap.workflows.share.export",
     "FarmMapChange": "furrowmap.workflows.farm.farm",
-    "FarmMemory": "furrowmap.workflows.farm.memory",
+    "FarmMemory": "furrowmap.workflows.farm.farm_memory",
     "FeatureSettings": "furrowmap.settings",
-    "FieldHistory": "furrowmap.workflows.farm.memory",
+    "FieldHistory": "furrowmap.workflows.farm.farm_memory",
     "Fields": "furrowmap.workflows.farm.fields",
-    "Frame": "furrowmap.core.session.frames",
-    "FrameTree": "furrowmap.core.session.frames",
+    "Frame": "furrowmap.core.session.frame_tree",
+    "FrameTree": "furrowmap.core.session.frame_tree",
     "FurrowmapError": "furrowmap.core.runtime.errors",
     "GrowthSettings": "furrowmap.settings",
     "InputError": "furrowmap.core.runtime.errors",
     "Inspection": "furrowmap.core.readers.reader",
-    "KnownMachine": "furrowmap.workflows.session.machines",
+    "KnownMachine": "furrowmap.workflows.session.known_machines",
     "KnownSession": "furrowmap.exporters.farm.edit",
     "LiveSummary": "furrowmap.workflows.live.live",
-    "Mosaic": "furrowmap.exporters.farm.mosaic",
+    "Mosaic": "furrowmap.exporters.farm.surface_mosaic",
     "MosaicSettings": "furrowmap.settings",
     "MountCalibration": "furrowmap.workflows.calibrate.mount",
     "Notice": "furrowmap.core.runtime.errors",
@@ -294,7 +294,7 @@ _MODULES: Final = {
     "SolvedPositions": "furrowmap.workflows.gnss.solve",
     "SurfaceSettings": "furrowmap.settings",
     "TieSettings": "furrowmap.settings",
-    "TrafficRaster": "furrowmap.workflows.farm.memory",
+    "TrafficRaster": "furrowmap.workflows.farm.farm_memory",
     "TrafficSettings": "furrowmap.settings",
     "UsageError": "furrowmap.core.runtime.errors",
     "Wheels": "furrowmap.exporters.farm.traffic",
@@ -313,15 +313,15 @@ _MODULES: Final = {
     "evaluation_table": "furrowmap.workflows.gnss.evaluate",
     "export": "furrowmap.workflows.share.export",
     "farm_map_sessions": "furrowmap.workflows.farm.farm",
-    "farm_memory": "furrowmap.workflows.farm.memory",
-    "farm_traffic": "furrowmap.workflows.farm.memory",
+    "farm_memory": "furrowmap.workflows.farm.farm_memory",
+    "farm_traffic": "furrowmap.workflows.farm.farm_memory",
     "features": "furrowmap.workflows.clouds.features",
-    "field_history": "furrowmap.workflows.farm.memory",
+    "field_history": "furrowmap.workflows.farm.farm_memory",
     "fields": "furrowmap.workflows.farm.fields",
-    "frames": "furrowmap.workflows.session.frames",
+    "frames": "furrowmap.workflows.session.session_frames",
     "growth": "furrowmap.workflows.crops.growth",
     "inspect": "furrowmap.recordings",
-    "known_machines": "furrowmap.workflows.session.machines",
+    "known_machines": "furrowmap.workflows.session.known_machines",
     "live": "furrowmap.workflows.live.live",
     "mosaic": "furrowmap.workflows.farm.mosaic",
     "open_points": "furrowmap.results",
@@ -336,7 +336,7 @@ _MODULES: Final = {
     "remove_from_farm_map": "furrowmap.workflows.farm.farm",
     "response": "furrowmap.workflows.crops.response",
     "run": "furrowmap.workflows.run.session_run",
-    "save_machine": "furrowmap.workflows.session.machines",
+    "save_machine": "furrowmap.workflows.session.known_machines",
     "season": "furrowmap.workflows.season.season",
     "share": "furrowmap.workflows.share.share",
     "simulate": "furrowmap.workflows.session.simulate",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.cloud import BATCH_POINTS, Box, CloudFile, open_cloud
-from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.exporters.files import result_folder
 from furrowmap.exporters.files.result_folder import CHANGE, CLOUD, DSM, DSM_BEFORE, ResultFolder

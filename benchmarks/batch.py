@@ -30,8 +30,8 @@ import furrowmap
 from furrowmap.core.runtime.settings import Settings
 from furrowmap.exporters.files.batch_state import STATE, SessionOutcome, batch_state
 from furrowmap.workflows.batch.batch import input_stamps
+from furrowmap.workflows.batch.batch_sources import find_sources
 from furrowmap.workflows.batch.jobs import Job, identity, key_of, open_job
-from furrowmap.workflows.batch.sources import find_sources
 
 SCENARIO = Path(__file__).parents[1] / "tests" / "app" / "one_pass.toml"
 

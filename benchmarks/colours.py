@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, Colours
-from furrowmap.core.images.frames import Frames, frames_along
-from furrowmap.core.images.projection import inside, project
+from furrowmap.core.images.image_frames import Frames, frames_along
+from furrowmap.core.images.pinhole import inside, project
 from furrowmap.core.pipeline.solution import companions, ground_scale
 from furrowmap.core.readers.image_pixels import read_pixels
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.session.session_camera import camera_of
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.clock import las_time_to_utc
 

@@ -25,11 +25,11 @@ import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.run import run
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.session.opened import open_session
-from furrowmap.exporters.cloud.file import CopcFormat, las_header
+from furrowmap.exporters.cloud.copc_file import CopcFormat, las_header
 from furrowmap.exporters.cloud.octree import Key, Octree
-from furrowmap.exporters.cloud.points import PointBatch, pack
+from furrowmap.exporters.cloud.point_batches import PointBatch, pack
 from furrowmap.exporters.cloud.records import Chosen, Records
 from furrowmap.exporters.cloud.writer import MEMORY_POINTS, NODE_POINTS, CopcWriter
 

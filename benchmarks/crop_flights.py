@@ -27,8 +27,8 @@ from scipy.stats import chi2
 
 import furrowmap
 from furrowmap.core.crops.measure import measure_parcels
+from furrowmap.core.crops.parcel_areas import inset_parcel
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
-from furrowmap.core.crops.parcels import inset_parcel
 from furrowmap.core.crops.site_soil import site_soil
 from furrowmap.core.values.parcel import Parcel
 

@@ -28,15 +28,15 @@ from rasterio.features import rasterize
 import furrowmap
 from benchmarks.worked_hectare import CORNER_M, DRIVE, NOISE, TOOL, driven
 from furrowmap.core.coverage.field_work import Depth, FieldWork, tool_paths
-from furrowmap.core.coverage.ground import worked_ground
+from furrowmap.core.coverage.worked_ground import worked_ground
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path, plan_path
-from furrowmap.core.simulator.soil import find_sweeps
+from furrowmap.core.simulator.soil_over_time import find_sweeps
 from furrowmap.core.simulator.truth import swept
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.session import Crs, Implement
 from furrowmap.core.values.trajectory import ScanPoses
-from furrowmap.exporters.farm.mosaic import write_mosaic
+from furrowmap.exporters.farm.surface_mosaic import write_mosaic
 from furrowmap.exporters.vectors.geopackage import write_field
 
 WHEELS: Final = furrowmap.Wheels(1.42, 0.38)

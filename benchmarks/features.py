@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.yards import Kind, Yard, yard
 from furrowmap.core.features.classification import FeatureTile, classify
 from furrowmap.core.features.eigenfeatures import neighbourhoods
-from furrowmap.core.surfaces.ground import classify_ground
+from furrowmap.core.surfaces.ground_filter import classify_ground
 
 CELL_M = 0.05
 SIZE_M = 24.0

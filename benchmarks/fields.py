@@ -17,7 +17,7 @@ from benchmarks.yards import FloatArray, Kind, Scene, Yard, _poles, _rays, _wire
 from furrowmap.core.features.classification import FeatureTile, classify
 from furrowmap.core.features.cloud_features import _own_features
 from furrowmap.core.features.objects import LineObject, join_planes
-from furrowmap.core.surfaces.ground import classify_ground
+from furrowmap.core.surfaces.ground_filter import classify_ground
 
 CROP_CELL_M = 0.04
 RANGE_NOISE_M = 0.012

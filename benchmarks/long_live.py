@@ -20,7 +20,7 @@ import numpy as np
 
 from furrowmap.core.coverage.worked_cells import WORKED
 from furrowmap.core.implement.saved import load_implement
-from furrowmap.core.live.session import LiveSession
+from furrowmap.core.live.live_session import LiveSession
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.readers.pcap import Datagrams, datagrams_of
 from furrowmap.core.readers.reader import GivesTrack

@@ -32,7 +32,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.pointclouds.placed import Placer
+from furrowmap.core.pointclouds.placed_scans import Placer
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import GivesTrack, ReadOptions
 from furrowmap.core.session.opened import open_session

@@ -20,8 +20,8 @@ from pyproj import CRS
 
 import furrowmap
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
-from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.copc_file import CopcFormat, las_wkt
+from furrowmap.exporters.cloud.point_batches import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import style_of

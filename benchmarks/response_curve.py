@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from scipy import special
 
-from furrowmap.core.crops.response import fit_response
+from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.response_values import Estimate, ResponseQuestion
 
 RATES: Final = np.array([0.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0])

@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 import velodyne_decoder
 
-from furrowmap.core.pointclouds.placed import Placer, place_scans
+from furrowmap.core.pointclouds.placed_scans import Placer, place_scans
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.simulator.scenario import scenario_from
 from furrowmap.core.simulator.simulate import simulate

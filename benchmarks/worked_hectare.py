@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from furrowmap.core.coverage.field_work import Depth, FieldWork, events, tool_paths
-from furrowmap.core.coverage.ground import worked_ground
+from furrowmap.core.coverage.worked_ground import worked_ground
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path, plan_path
 from furrowmap.core.simulator.scenario import ScenarioDrive, ScenarioImplement
-from furrowmap.core.simulator.soil import find_sweeps
+from furrowmap.core.simulator.soil_over_time import find_sweeps
 from furrowmap.core.simulator.truth import swept
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.session import Implement as Stated

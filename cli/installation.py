@@ -9,8 +9,8 @@ from time import perf_counter
 
 import click
 
+from furrowmap.cli.command_options import command, group, option, output
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import command, group, option, output
 from furrowmap.core.runtime.errors import UsageError, printable
 from furrowmap.core.runtime.languages.catalogue import ENGLISH
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, expansions, templates

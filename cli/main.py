@@ -13,9 +13,9 @@ from typing import Any, Final, NoReturn
 
 import click
 
+from furrowmap.cli.command_options import CommandGroup
 from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, drop_interrupt
-from furrowmap.cli.options import CommandGroup
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.settings import using
@@ -23,13 +23,15 @@ from furrowmap.core.runtime.write_errors import as_furrowmap_error
 from furrowmap.process import keep_out_current_folder
 
 COMMANDS: Final = {
-    "init": "session", "inspect": "session", "record": "record", "run": "run", "live": "live", "batch": "batch",
-    "season": "batch", "surface": "clouds", "cloud": "clouds", "colour": "clouds", "features": "clouds",
-    "parcels": "crops", "growth": "crops", "canopy": "crops", "tie": "batch", "fields": "fields", "plots": "crops",
-    "response": "crops", "export": "share", "report": "share", "share": "share", "farm": "farm",
-    "calibrate": "calibrate", "machine": "session", "crs": "session", "frames": "session", "gnss": "gnss",
-    "check": "clouds", "explain": "installation", "simulate": "session", "warm-up": "installation",
-    "notebooks": "installation", "qgis": "installation", "worker": "worker",
+    "init": "session_commands", "inspect": "session_commands", "record": "record_commands", "run": "run_commands",
+    "live": "live_commands", "batch": "batch_commands", "season": "batch_commands", "surface": "clouds_commands",
+    "cloud": "clouds_commands", "colour": "clouds_commands", "features": "clouds_commands",
+    "parcels": "crops_commands", "growth": "crops_commands", "canopy": "crops_commands", "tie": "batch_commands",
+    "fields": "fields_commands", "plots": "crops_commands", "response": "crops_commands", "export": "share_commands",
+    "report": "share_commands", "share": "share_commands", "farm": "farm_commands", "calibrate": "calibrate_commands",
+    "machine": "session_commands", "crs": "session_commands", "frames": "session_commands", "gnss": "gnss_commands",
+    "check": "clouds_commands", "explain": "installation", "simulate": "session_commands", "warm-up": "installation",
+    "notebooks": "installation", "qgis": "installation", "worker": "worker_process",
 }  # fmt: skip
 """The module of this package that has each command, as the function of that name, with _ for -."""
 

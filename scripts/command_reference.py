@@ -11,7 +11,7 @@ from typing import Final
 
 import click
 
-from furrowmap.cli.calibrate import mount
+from furrowmap.cli.calibrate_commands import mount
 from furrowmap.cli.main import COMMANDS, furrowmap
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "commands.md"

@@ -23,10 +23,10 @@ from matplotlib import pyplot as plt  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from pyproj import CRS  # noqa: E402
 
+from furrowmap.core.crops.dose_response import fit_response  # noqa: E402
 from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels  # noqa: E402
+from furrowmap.core.crops.parcel_areas import read_parcels  # noqa: E402
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints  # noqa: E402
-from furrowmap.core.crops.parcels import read_parcels  # noqa: E402
-from furrowmap.core.crops.response import fit_response  # noqa: E402
 from furrowmap.core.crops.response_values import ResponseQuestion  # noqa: E402
 from furrowmap.core.crops.site_soil import site_soil  # noqa: E402
 from furrowmap.core.values.parcel import Parcel  # noqa: E402

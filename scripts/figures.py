@@ -14,18 +14,18 @@ import pandas as pd
 from numpy.typing import NDArray
 from shapely import affinity
 
-from furrowmap.core.coverage.ground import worked_ground
+from furrowmap.core.coverage.worked_ground import worked_ground
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
-from furrowmap.core.implement.model import Hint
 from furrowmap.core.implement.near_scans import NearScans
+from furrowmap.core.implement.seen_implement import Hint
 from furrowmap.core.implement.states import tool_history
 from furrowmap.core.readers.reader import GivesPoses, GivesScans, GivesTrack, ReadOptions, open_recording
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.motion import local_velocity
+from furrowmap.core.trajectory.vehicle_motion import local_velocity
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion

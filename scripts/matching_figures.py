@@ -18,9 +18,9 @@ from scipy.ndimage import uniform_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.matching.height_grid import TILE_NODES, add_returns, empty_surface, tiles_over
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.matching.session_match import match_session
-from furrowmap.core.matching.surface import TILE_NODES, add_returns, empty_surface, tiles_over
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses

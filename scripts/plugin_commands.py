@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from furrowmap.cli.calibrate import WithMount, mount
+from furrowmap.cli.calibrate_commands import WithMount, mount
 from furrowmap.cli.main import COMMANDS, furrowmap
 
 FILE = Path(__file__).resolve().parents[1] / "plugin" / "processing" / "commands.json"

@@ -14,7 +14,7 @@ import msgspec
 import pytest
 from packaging.requirements import Requirement
 
-from furrowmap.core.session.file import FURTHER, parse_session
+from furrowmap.core.session.session_file import FURTHER, parse_session
 from furrowmap.core.values.session import Session
 
 CHECKOUT = Path(__file__).resolve().parents[1]

@@ -22,7 +22,7 @@ import furrowmap
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.run import run
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.session.opened import open_session
 
 RunOnce = Callable[[str, Callable[[Path], Path]], furrowmap.Result]

@@ -88,19 +88,19 @@ MAY_IMPORT = {
 # The libraries that read foreign files, and the one module of each format that may use them: it turns whatever they
 # raise into our errors. In `exporters` and the simulator they write.
 BOUNDARIES = {
-    "laspy": ["core.readers.las.points"],
+    "laspy": ["core.readers.las.point_records"],
     "lazrs": ["core.readers.las.laz", "core.readers.las.decoding"],
-    "rosbags": ["core.readers.rosbag.messages"],
-    "lz4": ["core.readers.rosbag.storage"],
-    "bz2": ["core.readers.rosbag.storage"],
-    "backports": ["core.readers.ouster.osf", "core.readers.rosbag.storage", "core.readers.source"],
-    "compression": ["core.readers.ouster.osf", "core.readers.rosbag.storage", "core.readers.source"],
+    "rosbags": ["core.readers.rosbag.ros_messages"],
+    "lz4": ["core.readers.rosbag.bag_storage"],
+    "bz2": ["core.readers.rosbag.bag_storage"],
+    "backports": ["core.readers.ouster.osf", "core.readers.rosbag.bag_storage", "core.readers.source"],
+    "compression": ["core.readers.ouster.osf", "core.readers.rosbag.bag_storage", "core.readers.source"],
     "lzma": ["core.readers.source"],
     "gzip": [],
     "tarfile": [],
     "pickle": [],
-    "sqlite3": ["core.readers.sqlite_file", "core.readers.rosbag.storage", "workflows.live.background"],
-    "pmtiles": ["workflows.live.background"],
+    "sqlite3": ["core.readers.sqlite_file", "core.readers.rosbag.bag_storage", "workflows.live.background_map"],
+    "pmtiles": ["workflows.live.background_map"],
     "zipfile": [
         "workflows.share.qgis_plugin",  # writes alone
         "core.readers.isoxml.content",

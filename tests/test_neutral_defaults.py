@@ -28,7 +28,7 @@ EVERY_ONE: Final = {
     "app/workflows/live/server.py BoundedHead.readline(size)": -1,
     "app/workflows/live/live.py live(port)": 8080,
     "app/workflows/live/live.py live(nmea_port)": 10110,  # registered for NMEA 0183
-    "core/readers/messages.py find_frames(last)": True,
+    "core/readers/framed_messages.py find_frames(last)": True,
     "core/readers/nmea/sentences.py scan_bytes(last)": True,
     "core/readers/vectornav/log.py BinaryMessages.scan(last)": True,
     "core/readers/vectornav/log.py AsciiSentences.scan(last)": True,
@@ -36,14 +36,14 @@ EVERY_ONE: Final = {
     "core/values/scan.py Scan.whole": True,
     "core/values/session.py Run.standing": True,
     "core/values/session.py CameraSource.aid": True,
-    "core/session/frames.py Frame.has_axes": True,  # a frame is drawn with its axes
+    "core/session/frame_tree.py Frame.has_axes": True,  # a frame is drawn with its axes
 }
 """Nothing is left out unasked."""
 FACTORS: Final = {
-    "core/images/frames.py FramePoses.scale": 1.0,
-    "core/images/frames.py frame_poses(scale)": 1.0,
-    "core/readers/messages.py Messages.column(factor)": 1.0,
-    "exporters/share/features.py _number(factor)": 1.0,
+    "core/images/image_frames.py FramePoses.scale": 1.0,
+    "core/images/image_frames.py frame_poses(scale)": 1.0,
+    "core/readers/framed_messages.py Messages.column(factor)": 1.0,
+    "exporters/share/page_features.py _number(factor)": 1.0,
     "exporters/share/symbols.py LayerStyle.opacity": 1.0,  # what states none is opaque
     "exporters/share/symbols.py Ramp.colour(opacity)": 1.0,
     "core/values/session.py ImuColumn.scale": 1.0,
@@ -51,12 +51,12 @@ FACTORS: Final = {
     "core/values/session.py Imu.force_scale": 1.0,
     "core/values/inertial.py StatedUnits.rate_scale": 1.0,
     "core/values/inertial.py StatedUnits.force_scale": 1.0,
-    "core/matching/ground.py Relief.noise": 1.0,
-    "core/simulator/motion.py SimulatedMotion.scale": 1.0,
-    "core/pointclouds/placed.py Placer.scale": 1.0,
+    "core/matching/ground_registration.py Relief.noise": 1.0,
+    "core/simulator/machine_motion.py SimulatedMotion.scale": 1.0,
+    "core/pointclouds/placed_scans.py Placer.scale": 1.0,
     "core/pipeline/solution.py placer_of(scale)": 1.0,
     "core/crops/measure.py measure_parcels(scale)": 1.0,
-    "core/crops/parcels.py plot_grid(scale)": 1.0,
+    "core/crops/parcel_areas.py plot_grid(scale)": 1.0,
     "core/simulator/drive.py _straight(gear)": 1,  # forward
     "core/simulator/drive.py _arc(gear)": 1,
     "core/simulator/drive.py _turn.arc(gear)": 1,
@@ -66,27 +66,27 @@ FACTORS: Final = {
     "core/matching/consistency.py Seen.slow_times": 1.0,
     "core/matching/problem.py SlowErrors.times[0]": 1.0,
     "core/matching/problem.py SlowErrors.times[1]": 1.0,
-    "core/adjustment/inertial.py InertialLinks.force_times[0]": 1.0,
-    "core/adjustment/inertial.py InertialLinks.force_times[1]": 1.0,
+    "core/adjustment/preintegration.py InertialLinks.force_times[0]": 1.0,
+    "core/adjustment/preintegration.py InertialLinks.force_times[1]": 1.0,
 }
 """Factors and directions."""
 POINTS: Final = {
     "core/values/margins.py with_margin(digits)": 1,  # decimals of a figure without a margin
-    "exporters/cloud/points.py PointBatch.return_number": 1,  # LAS counts returns from 1
-    "exporters/cloud/points.py PointBatch.returns": 1,
-    "exporters/cloud/points.py PointBatch.classification": 1,  # LAS: unclassified
-    "exporters/cloud/file.py CopcFormat.scale_m": 0.001,
+    "exporters/cloud/point_batches.py PointBatch.return_number": 1,  # LAS counts returns from 1
+    "exporters/cloud/point_batches.py PointBatch.returns": 1,
+    "exporters/cloud/point_batches.py PointBatch.classification": 1,  # LAS: unclassified
+    "exporters/cloud/copc_file.py CopcFormat.scale_m": 0.001,
     "exporters/farm/surface_file.py OpenSurface.read(band)": 1,  # the heights
     "core/runtime/arrays.py scratch_file(buffering)": -1,  # as of open
 }
 """A point of which nothing else is known."""
 PUBLISHED: Final = {
     # Pingel et al. 2013, as PDAL and lidR use it, with cells of half a metre
-    "core/surfaces/ground.py Smrf.cell_m": 0.5,
-    "core/surfaces/ground.py Smrf.slope": 0.15,
-    "core/surfaces/ground.py Smrf.window_m": 18.0,
-    "core/surfaces/ground.py Smrf.threshold_m": 0.15,
-    "core/surfaces/ground.py Smrf.scale": 1.25,
+    "core/surfaces/ground_filter.py Smrf.cell_m": 0.5,
+    "core/surfaces/ground_filter.py Smrf.slope": 0.15,
+    "core/surfaces/ground_filter.py Smrf.window_m": 18.0,
+    "core/surfaces/ground_filter.py Smrf.threshold_m": 0.15,
+    "core/surfaces/ground_filter.py Smrf.scale": 1.25,
     "core/surfaces/terrain.py hillshade(azimuth_deg)": 315.0,  # as gdaldem and QGIS
     "core/surfaces/terrain.py hillshade(altitude_deg)": 45.0,
 }
@@ -97,13 +97,13 @@ OWN: Final = {
     "app/settings.py SolveSettings.mask_deg": 15.0,
     "app/settings.py CheckSettings.diameter_m": 0.3,
     "app/settings.py TrafficSettings.cell_m": 0.1,
-    "core/accuracy/check.py check_product(diameter_m)": 0.3,
+    "core/accuracy/product_check.py check_product(diameter_m)": 0.3,
     "core/accuracy/cloud_at_points.py cloud_at_points(diameter_m)": 0.3,
     "core/surfaces/outliers.py radius_outliers(radius_m)": 0.5,
     "core/surfaces/outliers.py radius_outliers(fewest)": 3,
     "core/surfaces/outliers.py mean_neighbour_distance(reach_m)": 5.0,
-    "core/adjustment/registration.py Registration.patch_m": 1.0,
-    "core/matching/ground.py Relief.variance": 0.005,
+    "core/adjustment/registered_returns.py Registration.patch_m": 1.0,
+    "core/matching/ground_registration.py Relief.variance": 0.005,
     "exporters/reports/evaluation_figures.py _rounded(digits)": 4,
     "exporters/reports/svg.py TimeAxis.left": 74.0,
 }

@@ -46,9 +46,9 @@ def test_modules_of_furrowmap__that_ask_for_the_platform_are_among_them(script: 
     assert {
         "furrowmap.process",
         "furrowmap.core.runtime.memory",
-        "furrowmap.core.readers.las.decoder",
+        "furrowmap.core.readers.las.las_decoder",
         "furrowmap.exporters.files.owner",
-        "furrowmap.exporters.farm.geopackage",
+        "furrowmap.exporters.farm.farm_geopackage",
         "furrowmap.cli.main",
         "furrowmap.plugin.program",
     } <= set(modules())

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import furrowmap
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField, ScenarioLidar, SecondLidar
 from furrowmap.core.simulator.simulate import simulate
 

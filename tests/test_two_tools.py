@@ -18,12 +18,12 @@ import pyogrio
 import pytest
 
 import furrowmap
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.simulator.scenario import FrontImplement, Scenario, ScenarioDrive, ScenarioField, ScenarioLidar
 from furrowmap.core.simulator.simulate import simulate
-from furrowmap.exporters.farm.results import read_result
+from furrowmap.exporters.farm.farm_results import read_result
 from furrowmap.exporters.files.result_folder import open_result
-from furrowmap.exporters.share.features import shared_layer
+from furrowmap.exporters.share.page_features import shared_layer
 
 DEPTH_M = 0.12
 TOOLS = (

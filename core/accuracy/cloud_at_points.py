@@ -16,9 +16,9 @@ from furrowmap.core.accuracy.point_check import (
     find_swath_key,
     swath_numbers,
 )
-from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_to_measure
+from furrowmap.core.pointclouds.joined_clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_to_measure
 from furrowmap.core.readers.las.cloud import CloudFile
-from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.progress import Progress, silent

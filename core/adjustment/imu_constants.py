@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 from scipy.special import expit
 
 from furrowmap.core.adjustment.banded import BandedSolution
-from furrowmap.core.adjustment.inertial import RATE_BIAS, InertialLinks, predicted
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, ROTATION, Knots, State
-from furrowmap.core.adjustment.positions import AntennaPositions
+from furrowmap.core.adjustment.position_observations import AntennaPositions
+from furrowmap.core.adjustment.preintegration import RATE_BIAS, InertialLinks, predicted
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 

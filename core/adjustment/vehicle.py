@@ -7,9 +7,8 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.aiding import CONSTANT_WALK
 from furrowmap.core.adjustment.banded import NormalEquations
-from furrowmap.core.adjustment.inertial import INERTIAL, VELOCITY, add_walk
+from furrowmap.core.adjustment.imu_aiding import CONSTANT_WALK
 from furrowmap.core.adjustment.knots import (
     KNOT_STEP_S,
     POSE,
@@ -22,7 +21,8 @@ from furrowmap.core.adjustment.knots import (
     StateLayout,
     turns,
 )
-from furrowmap.core.adjustment.positions import AntennaHeadings, AntennaPositions, GnssDrift
+from furrowmap.core.adjustment.position_observations import AntennaHeadings, AntennaPositions, GnssDrift
+from furrowmap.core.adjustment.preintegration import INERTIAL, VELOCITY, add_walk
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import CREEP_M_RTS, Positions

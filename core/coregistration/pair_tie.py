@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from furrowmap.core.coregistration.upright import UprightTie
-from furrowmap.core.crops.soil import OUTLIER_SIGMAS, HeightCovariance, SoilCells, likely_covariances, plane_design
+from furrowmap.core.crops.bare_soil import OUTLIER_SIGMAS, HeightCovariance, SoilCells, likely_covariances, plane_design
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.runtime.kernels import kernel
 

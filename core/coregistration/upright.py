@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt, find_objects, label
 from scipy.spatial import cKDTree
 
-from furrowmap.core.crops.soil import OUTLIER_SIGMAS
+from furrowmap.core.crops.bare_soil import OUTLIER_SIGMAS
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 
 STANDING_M: Final = (0.3, 2.5)

@@ -14,7 +14,7 @@ from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.coverage.strip_outlines import Coverage, coverage
 from furrowmap.core.coverage.sweep import sweeps
 from furrowmap.core.coverage.tool_edges import ToolEdges
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray

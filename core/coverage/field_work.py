@@ -13,19 +13,19 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.coverage.ground import WorkedGround, worked_ground
 from furrowmap.core.coverage.sweep import PassTimes, pass_times
+from furrowmap.core.coverage.worked_ground import WorkedGround, worked_ground
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.external_states import StateComparison, compare_states
 from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
-from furrowmap.core.implement.machine import AIRBORNE, MachineVoxels, learn_machine
-from furrowmap.core.implement.model import Hint, Learned, SeenImplement
+from furrowmap.core.implement.machine_voxels import AIRBORNE, MachineVoxels, learn_machine
 from furrowmap.core.implement.near_scans import FRONT_M, NearScan, NearScans
+from furrowmap.core.implement.seen_implement import Hint, Learned, SeenImplement
 from furrowmap.core.implement.states import ToolHistory, tool_history
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.trajectory.motion import length_m
+from furrowmap.core.trajectory.vehicle_motion import length_m
 from furrowmap.core.values.rotation import Mounting, quaternion_to_matrix
 from furrowmap.core.values.scan import Scan, has_rings
 from furrowmap.core.values.session import REPLACE, Implement, Session

@@ -10,10 +10,10 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 from scipy.special import ndtri
 
-from furrowmap.core.crops.canopy import CROP_PIXEL_M, MODEL_SHARE, Canopy, canopy_top, penetration_table
+from furrowmap.core.crops.bare_soil import SoilPatch
+from furrowmap.core.crops.canopy_height import CROP_PIXEL_M, MODEL_SHARE, Canopy, canopy_top, penetration_table
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.crops.published import christiansen2017
-from furrowmap.core.crops.soil import SoilPatch
 from furrowmap.core.readers.areas.rings import pixels_in
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import in_threads

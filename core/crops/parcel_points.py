@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from furrowmap.core.crops.soil import SoilCells, noise_in_pixels, soil_cells
+from furrowmap.core.crops.bare_soil import SoilCells, noise_in_pixels, soil_cells
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray, IntArray
 from furrowmap.core.runtime.background import in_threads

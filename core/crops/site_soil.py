@@ -11,9 +11,7 @@ import numpy as np
 from pyproj import CRS
 from scipy.ndimage import map_coordinates, uniform_filter
 
-from furrowmap.core.crops.canopy import CROP_PIXEL_M
-from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
-from furrowmap.core.crops.soil import (
+from furrowmap.core.crops.bare_soil import (
     MIN_SOIL_CELLS,
     NODE_M,
     SOIL_CELL_M,
@@ -26,6 +24,8 @@ from furrowmap.core.crops.soil import (
     patch_nodes,
     without_crop,
 )
+from furrowmap.core.crops.canopy_height import CROP_PIXEL_M
+from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
 from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
 from furrowmap.core.readers.raster_heights import HeightRaster, open_heights
 from furrowmap.core.runtime.arrays import FloatArray

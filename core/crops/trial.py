@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.crops.dose_columns import dose_name, dose_unit, parcel_doses
-from furrowmap.core.crops.response import fit_response
+from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.response_models import ModelName
 from furrowmap.core.crops.response_values import Response, ResponseQuestion
 from furrowmap.core.crops.response_words import MAX_P

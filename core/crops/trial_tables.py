@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import shapely
 
-from furrowmap.core.crops.parcels import BLOCK_COLUMNS, list_names
+from furrowmap.core.crops.parcel_areas import BLOCK_COLUMNS, list_names
 from furrowmap.core.readers.areas.polygons import IDS
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.arrays import FloatArray

@@ -28,7 +28,7 @@ from furrowmap.core.features.objects import (
 from furrowmap.core.features.planes import Plane
 from furrowmap.core.pointclouds.cleaning import SquareSpool, blocks, classified_spool, squares_around
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import Clouds
+from furrowmap.core.pointclouds.joined_clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import CLASSED_SHARE
 from furrowmap.core.readers.las.cloud import Box, Survey
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray

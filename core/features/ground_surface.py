@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt, uniform_filter
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.gaps import filled
-from furrowmap.core.surfaces.ground import from_nearest
+from furrowmap.core.surfaces.ground_filter import from_nearest
 from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.extents import bounds
 

@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.banded import huber_weight
 from furrowmap.core.adjustment.correlated_prior import covariance_after, root_of, solved
-from furrowmap.core.adjustment.inertial import cross_matrix
 from furrowmap.core.adjustment.knots import POSE, ROTATION
-from furrowmap.core.images.frames import FramePoses
-from furrowmap.core.images.projection import project, unproject
+from furrowmap.core.adjustment.preintegration import cross_matrix
+from furrowmap.core.images.image_frames import FramePoses
+from furrowmap.core.images.pinhole import project, unproject
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.kernels import kernel

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.images.balance import Balance, balance_frames
-from furrowmap.core.images.frames import Frames
-from furrowmap.core.images.projection import pixel_of
+from furrowmap.core.images.image_frames import Frames
+from furrowmap.core.images.pinhole import pixel_of
 from furrowmap.core.images.visibility import MIN_DISTANCE_M, SLACK_M, Visibility, VisibilityMaker
 from furrowmap.core.readers.image_pixels import read_pixels
 from furrowmap.core.runtime import arrays

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.images.block_adjustment import AdjustedBlock, ImageBlock, Known, adjusted_poses, triangulate
-from furrowmap.core.images.projection import inside, project
+from furrowmap.core.images.pinhole import inside, project
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.readers.image_pixels import read_pixels
 from furrowmap.core.runtime.arrays import FloatArray

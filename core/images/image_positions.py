@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.inertial import cross_matrix
 from furrowmap.core.adjustment.knots import POSE
-from furrowmap.core.images.frames import frame_poses
+from furrowmap.core.adjustment.preintegration import cross_matrix
+from furrowmap.core.images.image_frames import frame_poses
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.located import Located

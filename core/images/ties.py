@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from furrowmap.core.images.frames import FramePoses
-from furrowmap.core.images.projection import inside, project, unproject
+from furrowmap.core.images.image_frames import FramePoses
+from furrowmap.core.images.pinhole import inside, project, unproject
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.camera import Camera

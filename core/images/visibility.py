@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
-from furrowmap.core.images.frames import Frames
-from furrowmap.core.images.projection import pixel_of
+from furrowmap.core.images.image_frames import Frames
+from furrowmap.core.images.pinhole import pixel_of
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel
@@ -61,7 +61,7 @@ class FrameView:
     @classmethod
     def from_frames(cls, frames: Frames, origin_m: tuple[float, float, float]) -> "FrameView":
         """The view of frames."""
-        from furrowmap.core.images.projection import unproject
+        from furrowmap.core.images.pinhole import unproject
 
         camera = frames.camera
         poses = frames.poses

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.implement.model import CELL_X_M, CELL_Z_M, SeenImplement, fit_height
 from furrowmap.core.implement.near_scans import column_of, with_fewer_lasers
+from furrowmap.core.implement.seen_implement import CELL_X_M, CELL_Z_M, SeenImplement, fit_height
 from furrowmap.core.implement.views import (
     AGREE_M,
     CUT_M,

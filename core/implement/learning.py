@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.implement.levels import MIN_LEVEL_SCANS, MOVED_M, find_positions
-from furrowmap.core.implement.model import (
+from furrowmap.core.implement.near_scans import IMAGE_COLUMNS, NearScan, median_image
+from furrowmap.core.implement.seen_implement import (
     CELL_X_M,
     CELL_Z_M,
     Box,
@@ -27,7 +28,6 @@ from furrowmap.core.implement.model import (
     SideTemplate,
     fit_height,
 )
-from furrowmap.core.implement.near_scans import IMAGE_COLUMNS, NearScan, median_image
 from furrowmap.core.implement.views import FEWEST_POINTS, SEARCH_M, Heights, Views, ground_plane, views_of
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.implement.model import Levels
+from furrowmap.core.implement.seen_implement import Levels
 from furrowmap.core.implement.views import Heights, Views
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.tool_states import ToolState

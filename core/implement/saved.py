@@ -5,8 +5,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.implement.model import DepthImages, Levels, Region, SeenImplement, SideTemplate, SideViewGrid
 from furrowmap.core.implement.near_scans import IMAGE_COLUMNS
+from furrowmap.core.implement.seen_implement import (
+    DepthImages,
+    Levels,
+    Region,
+    SeenImplement,
+    SideTemplate,
+    SideViewGrid,
+)
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.values.tool_states import ToolState

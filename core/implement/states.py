@@ -11,7 +11,7 @@ from scipy.special import expit, ndtr
 
 from furrowmap.core.implement.heights import ToolHeights
 from furrowmap.core.implement.levels import SHORTEST_S
-from furrowmap.core.implement.model import SeenImplement
+from furrowmap.core.implement.seen_implement import SeenImplement
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.tool_states import ToolState, ToolStates

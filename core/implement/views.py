@@ -7,8 +7,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.implement.model import CELL_X_M, CELL_Z_M, Box, Plane, SideTemplate, SideViewGrid, fit_height
 from furrowmap.core.implement.near_scans import NearScan
+from furrowmap.core.implement.seen_implement import (
+    CELL_X_M,
+    CELL_Z_M,
+    Box,
+    Plane,
+    SideTemplate,
+    SideViewGrid,
+    fit_height,
+)
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel
 

@@ -20,8 +20,8 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.drive_filter import BRAKES_MPS2, DriveFilter
 from furrowmap.core.trajectory.from_gnss import TILT_SIGMA_DEG
 from furrowmap.core.trajectory.located import lever_arm_m
-from furrowmap.core.trajectory.motion import STANDING_MPS
-from furrowmap.core.trajectory.positions import fixes_from_labels, positions_without_steps
+from furrowmap.core.trajectory.used_positions import fixes_from_labels, positions_without_steps
+from furrowmap.core.trajectory.vehicle_motion import STANDING_MPS
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.rotation import quaternion_to_attitude
 from furrowmap.core.values.scan import Scan

@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.knots import Knots, State
-from furrowmap.core.adjustment.positions import AntennaPositions
+from furrowmap.core.adjustment.position_observations import AntennaPositions
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.trajectory.held_positions import measured_heights
 

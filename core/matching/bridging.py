@@ -22,10 +22,10 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, Chain, Knots, State, knots_over
 from furrowmap.core.adjustment.vehicle import with_positions
+from furrowmap.core.matching.gauss_newton import session_step
 from furrowmap.core.matching.portions import Gap, in_gaps
 from furrowmap.core.matching.problem import MAX_HEADING_SIGMA_DEG, Iterate, Problem, heading_sigma_deg, outages
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.matching.steps import session_step
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.time_span import Span

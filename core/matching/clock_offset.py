@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from furrowmap.core.adjustment.banded import BandedSolution
 from furrowmap.core.adjustment.coarse import CoarseKnots, coarse_right
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, Knots, State
-from furrowmap.core.adjustment.positions import AntennaPositions
+from furrowmap.core.adjustment.position_observations import AntennaPositions
 from furrowmap.core.matching.placing import Sensor
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns

@@ -20,12 +20,18 @@ import numpy as np
 
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.covariance import Considered
-from furrowmap.core.matching.ground import CORRELATED, GROUND_GATE, MATCHING_HUBER, MIN_NODE_RETURNS, NOISE_M
+from furrowmap.core.matching.ground_registration import (
+    CORRELATED,
+    GROUND_GATE,
+    MATCHING_HUBER,
+    MIN_NODE_RETURNS,
+    NOISE_M,
+)
+from furrowmap.core.matching.height_grid import TILE_BITS, TILE_NODES
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import THREADS, Portion, blocks, shares
-from furrowmap.core.matching.registration import session_surface
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES
+from furrowmap.core.matching.session_registration import session_surface
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.scan import MAX_LASERS, LaserRanges

@@ -10,28 +10,28 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.aiding import AIDED, GYRO_SCALE, MISALIGNMENT, Aid
 from furrowmap.core.adjustment.covariance import Considered, pose_sigmas, quick_variances, slow_covariance
-from furrowmap.core.adjustment.inertial import RATE_BIAS
+from furrowmap.core.adjustment.imu_aiding import AIDED, GYRO_SCALE, MISALIGNMENT, Aid
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, Knots, State, StateBlock
+from furrowmap.core.adjustment.preintegration import RATE_BIAS
 from furrowmap.core.adjustment.vehicle import LEVEL_SIGMA
 from furrowmap.core.matching.bridging import held_by_positions
 from furrowmap.core.matching.clock_offset import ClockCandidate, search_clock_offset
 from furrowmap.core.matching.consistency import LEVEL_GROUND, GroundTilt, Seen, check_consistency
-from furrowmap.core.matching.ground import CORRELATED
+from furrowmap.core.matching.ground_registration import CORRELATED
 from furrowmap.core.matching.laser_ranges import range_bow, range_bow_sigma
 from furrowmap.core.matching.mounting_calibration import MountingCalibration
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.problem import Adjusted, Iterate, Linearised, Problem
 from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
-from furrowmap.core.matching.solve import resolve_yaw_ambiguity
+from furrowmap.core.matching.schedule import resolve_yaw_ambiguity
 from furrowmap.core.matching.yaw_ambiguity import Facing
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.from_gnss import with_vague_headings
-from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
-from furrowmap.core.trajectory.positions import WHITE_SHARE
+from furrowmap.core.trajectory.used_positions import WHITE_SHARE
+from furrowmap.core.trajectory.vehicle_motion import HYSTERESIS, STANDING_MPS
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.margins import margin

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import ndtr, softmax, stdtrit
 
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, Knots, State
-from furrowmap.core.matching.surface import HeightGrid, TilePassage, heights, layers
+from furrowmap.core.matching.height_grid import HeightGrid, TilePassage, heights, layers
 from furrowmap.core.runtime.arrays import FloatArray, three
 
 HALF_TRACKS_M: Final = np.arange(0.3, 1.15, 0.05)
@@ -115,7 +115,7 @@ def mounting_calibration(
 
     Args:
         passage: of the implement, which separates old soil from new.
-        guard_s: see :func:`~furrowmap.core.matching.surface.layers`.
+        guard_s: see :func:`~furrowmap.core.matching.height_grid.layers`.
         crab_rad: by how much it goes to the left of where it looks, and its standard deviation.
     """
     velocity = np.zeros((len(knots), 3))

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.coarse import CoarseKnots
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, Knots, State, place, turns
-from furrowmap.core.matching.ground import NO_COARSE, ChainPoses, PlacedReturns
+from furrowmap.core.matching.ground_registration import NO_COARSE, ChainPoses, PlacedReturns
+from furrowmap.core.matching.height_grid import TilePassage, layers, passage_of
 from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.matching.surface import TilePassage, layers, passage_of
 from furrowmap.core.matching.walls import PlacedUpright, UprightReturns
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray

@@ -8,25 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.aiding import AIDED, Aid
 from furrowmap.core.adjustment.banded import BandedSolution, NormalEquations
 from furrowmap.core.adjustment.coarse import CoarseKnots
+from furrowmap.core.adjustment.imu_aiding import AIDED, Aid
 from furrowmap.core.adjustment.knots import VEHICLE, Knots, Observation, State, knots_over, start_from
-from furrowmap.core.adjustment.positions import AntennaPositions, headings_at_stands
+from furrowmap.core.adjustment.position_observations import AntennaPositions, headings_at_stands
 from furrowmap.core.adjustment.vehicle import wheeled_vehicle
 from furrowmap.core.matching.antenna_sway import AntennaSway, antenna_sway
 from furrowmap.core.matching.clock_offset import AntennaConstants, antenna_constants
-from furrowmap.core.matching.ground import GroundSums, Relief
+from furrowmap.core.matching.ground_registration import GroundSums, Relief
 from furrowmap.core.matching.height_trend import HeightTrend
 from furrowmap.core.matching.mounting_calibration import MountingCalibration
 from furrowmap.core.matching.placing import Placing, Sensor, Tool, placing_of
 from furrowmap.core.matching.portions import Gap
-from furrowmap.core.matching.registration import WallRegistration
 from furrowmap.core.matching.returns import GroundReturns
+from furrowmap.core.matching.session_registration import WallRegistration
 from furrowmap.core.matching.yaw_ambiguity import Facing
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.trajectory.motion import longest_gap_s
+from furrowmap.core.trajectory.vehicle_motion import longest_gap_s
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.time_span import Span
@@ -261,8 +261,8 @@ class Adjusted:
 def outages(t_s: FloatArray, start: Trajectory) -> tuple[Span, ...]:
     """Gaps between positions: from the last one before each to the first one after it.
 
-    What is no longer than :func:`~furrowmap.core.trajectory.motion.longest_gap_s` is none. Positions between two gaps
-    that hardly show a heading do not part them.
+    What is no longer than :func:`~furrowmap.core.trajectory.vehicle_motion.longest_gap_s` is none. Positions between
+    two gaps that hardly show a heading do not part them.
 
     Args:
         t_s: (m,) times of the positions, which increase.

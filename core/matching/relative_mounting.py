@@ -14,21 +14,21 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, Knots, knots_over, start_from
-from furrowmap.core.adjustment.registration import SliceSums
-from furrowmap.core.matching.ground import Relief
+from furrowmap.core.adjustment.registered_returns import SliceSums
+from furrowmap.core.matching.ground_registration import Relief
+from furrowmap.core.matching.height_grid import HeightGrid, heights
 from furrowmap.core.matching.laser_ranges import laser_ranges
 from furrowmap.core.matching.placing import Placing, Sensor, Tool, placing_of
 from furrowmap.core.matching.portions import blocks
-from furrowmap.core.matching.registration import (
+from furrowmap.core.matching.returns import GroundReturns, ground_returns
+from furrowmap.core.matching.session_match import tool_of
+from furrowmap.core.matching.session_registration import (
     MIN_UPRIGHT_RETURNS,
     register_to_surface,
     register_to_walls,
     session_surface,
     session_walls,
 )
-from furrowmap.core.matching.returns import GroundReturns, ground_returns
-from furrowmap.core.matching.session_match import tool_of
-from furrowmap.core.matching.surface import HeightGrid, heights
 from furrowmap.core.matching.walls import Scatter
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray, three

@@ -35,7 +35,7 @@ from furrowmap.core.matching.matched import (
 )
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.matching.solve import solve
+from furrowmap.core.matching.schedule import solve
 from furrowmap.core.matching.yaw_ambiguity import facing
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead
 from furrowmap.core.runtime.errors import Notice

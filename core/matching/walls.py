@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.knots import KNOT_STEP_S
-from furrowmap.core.adjustment.registration import (
+from furrowmap.core.adjustment.registered_returns import (
     Patches,
     PatchRows,
     SliceSums,
@@ -25,8 +25,8 @@ from furrowmap.core.adjustment.registration import (
     close_patches,
     plane_row,
 )
-from furrowmap.core.matching.ground import ChainPoses
-from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, Tiles, tiles_over
+from furrowmap.core.matching.ground_registration import ChainPoses
+from furrowmap.core.matching.height_grid import TILE_BITS, TILE_NODES, Tiles, tiles_over
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel, kernel_part
 
@@ -61,7 +61,7 @@ MIN_CORRELATED: Final = 4.0
 MIN_WALL_GROUPS: Final = 50
 WALL_PATCH_M: Final = 8.0
 WALL_LAYER: Final = np.int64(2)
-"""Layer of a wall's patch in :class:`~furrowmap.core.adjustment.registration.Patches`."""
+"""Layer of a wall's patch in :class:`~furrowmap.core.adjustment.registered_returns.Patches`."""
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,14 @@
 """Yaw ambiguity: a mounting that is turned by a quarter, a half or any large angle about the upright.
 
-A wrong yaw is invisible in a single scan, and on soil without walls in a cloud of many scans as well: the ground comes
-out flat, only blurred. But as the vehicle moves, relief that several scans show is in one place under the right angle
-only. The measure is that of :class:`~furrowmap.core.matching.ground.Relief`: the mean product of the heights of even
-and odd scans at the same place, which is the relief's variance where they agree and zero where they do not. GNSS poses
-suffice, because each scan's own slope and bow are removed from its heights, and what stays in one place of the vehicle
-frame: the rings of lasers whose ranges are off, which on smooth ground repeat under a quarter turn. Where the soil is
-too smooth, upright returns decide, by the share of them that even and odd scans have at the same place: first those off
-the vehicle's body, then all, for a standing crop all around is taken for the body. Where nothing shows one angle that
-stands out from all others, the stated one is assumed.
+A wrong yaw is invisible in a single scan, and on soil without walls in a cloud of many scans as well: the ground
+comes out flat, only blurred. But as the vehicle moves, relief that several scans show is in one place under the right
+angle only. The measure is that of :class:`~furrowmap.core.matching.ground_registration.Relief`: the mean product of
+the heights of even and odd scans at the same place, which is the relief's variance where they agree and zero where
+they do not. GNSS poses suffice, because each scan's own slope and bow are removed from its heights, and what stays in
+one place of the vehicle frame: the rings of lasers whose ranges are off, which on smooth ground repeat under a
+quarter turn. Where the soil is too smooth, upright returns decide, by the share of them that even and odd scans have
+at the same place: first those off the vehicle's body, then all, for a standing crop all around is taken for the body.
+Where nothing shows one angle that stands out from all others, the stated one is assumed.
 """
 
 from __future__ import annotations

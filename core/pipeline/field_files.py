@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.coverage.boundary import field_boundary, held_against_boundary
+from furrowmap.core.coverage.field_boundary import field_boundary, held_against_boundary
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.implement.external_states import external_states
 from furrowmap.core.runtime.errors import Notice

@@ -53,7 +53,7 @@ from furrowmap.core.values.time_span import track_within
 from furrowmap.core.values.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from furrowmap.core.images.aiding import ImageAid
+    from furrowmap.core.images.image_aiding import ImageAid
 
 IMU_CLOCK_STEP_S: Final = 1e-4
 """The session's offset of the IMU's clock is as precise."""

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.pointclouds.placed_scans import Placement
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.coverage.boundary import ground_to_map
+from furrowmap.core.coverage.field_boundary import ground_to_map
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.implement.machine import MachineVoxels
+from furrowmap.core.implement.machine_voxels import MachineVoxels
 from furrowmap.core.pipeline.field_files import FieldFiles, boundary_notices
 from furrowmap.core.pipeline.notices import placement_notices, position_notices, refuse_empty, session_notices
 from furrowmap.core.pipeline.run_result import RunResult
@@ -25,7 +25,7 @@ from furrowmap.core.pipeline.scanners import (
     together,
 )
 from furrowmap.core.pipeline.solution import FirstGuess, Solution, StopWatch, ground_scale, run_result
-from furrowmap.core.pointclouds.placed import PLACED_AHEAD, PlacedScan, Placement, Placer, place_scans
+from furrowmap.core.pointclouds.placed_scans import PLACED_AHEAD, PlacedScan, Placement, Placer, place_scans
 from furrowmap.core.readers.areas.area import nothing_within
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead, behind
 from furrowmap.core.runtime.errors import Notice
@@ -36,7 +36,7 @@ from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from furrowmap.core.images.frames import Frames
+    from furrowmap.core.images.image_frames import Frames
 
 
 class OpenSink(Protocol):
@@ -205,7 +205,7 @@ def camera_frames(opened: OpenSession, trajectory: Trajectory, guess: FirstGuess
     images = opened.images(notices)
     if not images:
         return None, notices
-    from furrowmap.core.images.frames import frames_along
+    from furrowmap.core.images.image_frames import frames_along
 
     used = guess.aid.camera if guess.aid is not None else opened.camera()
     return frames_along(images, used, trajectory, ground_scale(opened.frame, trajectory), notices), notices

@@ -15,7 +15,7 @@ from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.live.difference import LiveDifference
-from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.pointclouds.placed_scans import Placement
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.strips.boresight import Boresight
 from furrowmap.core.strips.strip_adjustment import StripAdjustment
@@ -27,7 +27,7 @@ from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from furrowmap.core.images.aiding import ImageAid
+    from furrowmap.core.images.image_aiding import ImageAid
     from furrowmap.core.matching.matched import Matched
     from furrowmap.core.matching.relative_mounting import RelativeMounting
 

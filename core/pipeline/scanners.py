@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.coverage.field_work import ImplementTracker
-from furrowmap.core.implement.machine import MachineVoxels, classifier
+from furrowmap.core.implement.machine_voxels import MachineVoxels, classifier
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress

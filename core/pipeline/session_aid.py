@@ -10,9 +10,9 @@ import numpy as np
 
 from furrowmap.core.geodesy.coordinates import transform_poses
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.images.aiding import ImageAid, aid_by_images, unused
 from furrowmap.core.images.control_points import ControlPoints
-from furrowmap.core.images.features import ImageFeatures, find_features
+from furrowmap.core.images.image_aiding import ImageAid, aid_by_images, unused
+from furrowmap.core.images.image_features import ImageFeatures, find_features
 from furrowmap.core.images.image_positions import held_against_images
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.readers.surveyed_points import read_points

@@ -13,7 +13,7 @@ from furrowmap.core.coverage.field_work import FieldWork, ImplementTracker
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.causes import by_cause
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.pointclouds.placed import Placement, Placer
+from furrowmap.core.pointclouds.placed_scans import Placement, Placer
 from furrowmap.core.readers.reader import Reader
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
@@ -31,8 +31,8 @@ from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from furrowmap.core.images.aiding import ImageAid
-    from furrowmap.core.images.features import ImageFeatures
+    from furrowmap.core.images.image_aiding import ImageAid
+    from furrowmap.core.images.image_features import ImageFeatures
     from furrowmap.core.matching.matched import Matched
     from furrowmap.core.matching.session_match import MatchedSession
 

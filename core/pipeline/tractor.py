@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from furrowmap.core.coverage.field_work import ImplementTracker
-from furrowmap.core.implement.model import SeenImplement
 from furrowmap.core.implement.saved import load_implement
+from furrowmap.core.implement.seen_implement import SeenImplement
 from furrowmap.core.pipeline.solution import (
     Checkpoint,
     FirstGuess,

@@ -17,7 +17,7 @@ from furrowmap.core.pipeline.solution import (
     run_result,
     with_doubtful_heights,
 )
-from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.pointclouds.placed_scans import Placement
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import located_without_lidar

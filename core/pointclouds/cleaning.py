@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours
+from furrowmap.core.pointclouds.joined_clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours
 from furrowmap.core.readers.las.cloud import CloudFile, Survey
-from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray, RecordSpool, Square, square_keys, square_of
 from furrowmap.core.runtime.settings import threads
-from furrowmap.core.surfaces.ground import GroundMethod, Smrf, classify_ground
+from furrowmap.core.surfaces.ground_filter import GroundMethod, Smrf, classify_ground
 from furrowmap.core.surfaces.outliers import (
     OUTLIER_REACH_M,
     NeighbourStatistics,

@@ -9,7 +9,7 @@ from furrowmap.core.runtime.options import setting
 
 if TYPE_CHECKING:
     from furrowmap.core.readers.las.cloud import Box
-    from furrowmap.core.surfaces.ground import GroundMethod
+    from furrowmap.core.surfaces.ground_filter import GroundMethod
     from furrowmap.core.surfaces.outliers import Outliers
 
 

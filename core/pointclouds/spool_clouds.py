@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.pointclouds.clouds import Clouds
+from furrowmap.core.pointclouds.joined_clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.readers.las.cloud import Box, Survey
 from furrowmap.core.runtime.progress import Progress, silent

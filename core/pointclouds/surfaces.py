@@ -22,7 +22,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.ground import Smrf, cloth_ground, ground_cells, require_cloth
+from furrowmap.core.surfaces.ground_filter import Smrf, cloth_ground, ground_cells, require_cloth
 from furrowmap.core.surfaces.outliers import FilteredTiles, Outliers, filter_tiles
 from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic

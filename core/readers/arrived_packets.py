@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.hesai.captures import HESAI
 from furrowmap.core.readers.ouster.captures import data_lengths
 from furrowmap.core.readers.ouster.metadata import heads
-from furrowmap.core.readers.spinning.clock import POSITION_BYTES, PositionPacket, pps_states
-from furrowmap.core.readers.spinning.model import Maker
+from furrowmap.core.readers.spinning.hour_clock import POSITION_BYTES, PositionPacket, pps_states
+from furrowmap.core.readers.spinning.scanner_model import Maker
 from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.runtime.arrays import IntArray
 from furrowmap.core.values.clock import HOUR_S

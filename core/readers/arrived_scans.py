@@ -12,10 +12,10 @@ from furrowmap.core.readers.hesai.captures import HESAI
 from furrowmap.core.readers.ouster.captures import sensors_and_time
 from furrowmap.core.readers.ouster.packets import OusterDecoder
 from furrowmap.core.readers.pcap import Datagrams
-from furrowmap.core.readers.spinning.captures import SensorTraffic, survey
-from furrowmap.core.readers.spinning.clock import settle
-from furrowmap.core.readers.spinning.decoder import PacketDecoder
-from furrowmap.core.readers.spinning.model import AngleTable, Maker
+from furrowmap.core.readers.spinning.hour_clock import settle
+from furrowmap.core.readers.spinning.packet_decoder import PacketDecoder
+from furrowmap.core.readers.spinning.scanner_model import AngleTable, Maker
+from furrowmap.core.readers.spinning.spinning_captures import SensorTraffic, survey
 from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.values.scan import Scan
 

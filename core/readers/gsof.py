@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, count_foreign, scan_stream
+from furrowmap.core.readers.framed_messages import MessageCounts, Messages, at_equal, count_foreign, scan_stream
 from furrowmap.core.readers.position_log import (
     MIN_INTACT_SHARE,
     LoggedPositions,

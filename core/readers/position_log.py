@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.epochs import in_order, week_time
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
+from furrowmap.core.readers.framed_messages import Framing, Kind, MessageCounts, Messages, find_frames, read_messages
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
-from furrowmap.core.readers.messages import Framing, Kind, MessageCounts, Messages, find_frames, read_messages
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions, recording_name
 from furrowmap.core.readers.source import Head, Piece, Source, cut_notice
 from furrowmap.core.runtime.errors import InputError, Notice

@@ -21,7 +21,7 @@ from furrowmap.core.readers.column_names import (
     without_unit,
 )
 from furrowmap.core.readers.csv_text import SEPARATORS, has_decimal_commas, header_of, separator_of_line
-from furrowmap.core.readers.las.decoder import Decoder, Undecodable
+from furrowmap.core.readers.las.las_decoder import Decoder, Undecodable
 from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.readers.text_encoding import decoded
 from furrowmap.core.runtime.arrays import FloatArray

@@ -20,8 +20,8 @@ class Option:
 
     Attributes:
         name: on the command line, such as ``--cell``.
-        metavar: stands for the value in the help and implies its type (`VALUE_TYPES` in `cli/options.py`); "" for a
-            flag and for choices.
+        metavar: stands for the value in the help and implies its type (`VALUE_TYPES` in `cli/command_options.py`); ""
+            for a flag and for choices.
         help: in the help of the command, in the reference and in QGIS.
         label: in QGIS, without the unit; "" for the words of the name.
         default: of the value.

@@ -29,8 +29,8 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out, resolved
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.session.camera import camera_of, camera_table, images_of, mounted
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_camera import camera_of, camera_table, images_of, mounted
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.inertial import StatedUnits

@@ -29,8 +29,8 @@ from furrowmap.core.readers.reader import (
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.session.examination import Examined, time_matches
-from furrowmap.core.session.flight import LOOKS, FlownMounting, flight_of
-from furrowmap.core.session.machine import stated, toml_value
+from furrowmap.core.session.flight_mounting import LOOKS, FlownMounting, flight_of
+from furrowmap.core.session.machine_file import stated, toml_value
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.session.trial_files import NO_TRIAL, ImageTable, TrialFiles
 from furrowmap.core.values.clock import iso_utc

@@ -23,7 +23,7 @@ from furrowmap.core.simulator.noise import FloatArray, random_for
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.site import CELL_M as CELL
 from furrowmap.core.simulator.site import CROP_CELL_M as CROP_CELL
-from furrowmap.core.simulator.soil import NOISE_BLOCK, Ground, ceiling_of, relief_at
+from furrowmap.core.simulator.soil_over_time import NOISE_BLOCK, Ground, ceiling_of, relief_at
 
 
 class Met(IntEnum):

@@ -28,13 +28,13 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.simulator.capture import PCAP, Bytes, Container
 from furrowmap.core.simulator.drive import SimulatedTrack
-from furrowmap.core.simulator.gnss import gprmc
-from furrowmap.core.simulator.motion import SimulatedMotion, SimulatedMountMotion, mount_rotation
+from furrowmap.core.simulator.machine_motion import SimulatedMotion, SimulatedMountMotion, mount_rotation
 from furrowmap.core.simulator.noise import FloatArray, random_for
 from furrowmap.core.simulator.rays import Beams, Firings, Met, Optics, Returns, Scene, cast, make_optics, make_scene
 from furrowmap.core.simulator.scenario import Scenario, ScenarioLidar
+from furrowmap.core.simulator.simulated_receiver import gprmc
 from furrowmap.core.simulator.site import SimulatedSite
-from furrowmap.core.simulator.soil import Ground
+from furrowmap.core.simulator.soil_over_time import Ground
 from furrowmap.core.simulator.truth import SeenAfter
 
 _WANDER_PERIOD_S: Final = 23.0

@@ -9,14 +9,14 @@ import numpy as np
 
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.simulator.drive import drive_front, drive_path, plan_path
-from furrowmap.core.simulator.gnss import receivers, report, sentences
-from furrowmap.core.simulator.motion import stand_on
+from furrowmap.core.simulator.machine_motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.recording import World, record, recording_file, second_file
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement, as_toml
 from furrowmap.core.simulator.simulate_flight import Written, moving, write_flight, write_sensors, write_session
+from furrowmap.core.simulator.simulated_receiver import receivers, report, sentences
 from furrowmap.core.simulator.site import SimulatedSite, find_site, lay_out
-from furrowmap.core.simulator.soil import find_sweeps, make_ground
+from furrowmap.core.simulator.soil_over_time import find_sweeps, make_ground
 from furrowmap.core.simulator.truth import (
     TRUTH_HZ,
     coarse_surface,

@@ -21,8 +21,12 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.simulator.drive import AFTER_S, DRIVE_RATE_HZ, LEAD_IN_S
-from furrowmap.core.simulator.gnss import receive, report, sentences
-from furrowmap.core.simulator.motion import SimulatedMotion, SimulatedMountMotion, mount_rotation, vehicle_rotation
+from furrowmap.core.simulator.machine_motion import (
+    SimulatedMotion,
+    SimulatedMountMotion,
+    mount_rotation,
+    vehicle_rotation,
+)
 from furrowmap.core.simulator.noise import Float32Array, FloatArray, band_noise, gauss_markov, random_for
 from furrowmap.core.simulator.rays import Beams, Firings, Met, make_optics, make_scene
 from furrowmap.core.simulator.recording import SCANNERS, World, cast_in_order, record, recording_file, second_file
@@ -34,8 +38,9 @@ from furrowmap.core.simulator.scenario import (
     ScenarioLineScanner,
     toml_keys,
 )
+from furrowmap.core.simulator.simulated_receiver import receive, report, sentences
 from furrowmap.core.simulator.site import CELL_M, CROP_CELL_M, SimulatedSite, find_site, lay_round
-from furrowmap.core.simulator.soil import Ground, ground_height, make_ground
+from furrowmap.core.simulator.soil_over_time import Ground, ground_height, make_ground
 from furrowmap.core.simulator.truth import quarters, write_trajectory
 
 _NONE: Final = np.zeros(1)

@@ -8,11 +8,11 @@ import shapely
 from numpy.typing import NDArray
 
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack
-from furrowmap.core.simulator.motion import SimulatedMotion
+from furrowmap.core.simulator.machine_motion import SimulatedMotion
 from furrowmap.core.simulator.noise import FloatArray
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import CELL_M, SimulatedSite
-from furrowmap.core.simulator.soil import Ground, ToolSweep
+from furrowmap.core.simulator.soil_over_time import Ground, ToolSweep
 
 TRUTH_CELL_M: Final = 2.0 * CELL_M
 TRUTH_HZ: Final = 100

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import count_until, kernel
 from furrowmap.core.surfaces.gaps import filled
-from furrowmap.core.surfaces.ground import Smrf, ground_cells
+from furrowmap.core.surfaces.ground_filter import Smrf, ground_cells
 from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.scan import PointClass
 

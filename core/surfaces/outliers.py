@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.record_spool import Square
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.surfaces.ground import tiles
+from furrowmap.core.surfaces.ground_filter import tiles
 from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool, TilePoints
 
 Outliers = Literal["none", "radius", "statistical"]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.banded import huber_weight
-from furrowmap.core.adjustment.inertial import Increments, cross_matrix
 from furrowmap.core.adjustment.knots import KNOT_STEP_S
+from furrowmap.core.adjustment.preintegration import Increments, cross_matrix
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.trajectory.heading_hints import DECISIVE, ChunkMotion, HeadingHint

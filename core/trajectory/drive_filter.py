@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.adjustment.positions import ANTENNA_HEADING_SIGMA_RAD
+from furrowmap.core.adjustment.position_observations import ANTENNA_HEADING_SIGMA_RAD
 from furrowmap.core.adjustment.vehicle import SLIP, SLIP_EVERY_S
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S

@@ -17,8 +17,8 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.trajectory.positions import sigmas_m, without_jumps
 from furrowmap.core.trajectory.smoothing import smooth_path, white_noise
+from furrowmap.core.trajectory.used_positions import sigmas_m, without_jumps
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.trajectory import Motion, Trajectory, source_columns, trajectory_from_attitude
 

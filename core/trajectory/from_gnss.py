@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.positions import ANTENNA_HEADING_SIGMA_RAD
+from furrowmap.core.adjustment.position_observations import ANTENNA_HEADING_SIGMA_RAD
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
@@ -18,8 +18,7 @@ from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.trajectory.height_steps import without_height_steps
 from furrowmap.core.trajectory.held_positions import held_against_motion, without_held
 from furrowmap.core.trajectory.kinematic import EpochMeasurements, PathEpochs, solve_path
-from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
-from furrowmap.core.trajectory.positions import (
+from furrowmap.core.trajectory.used_positions import (
     climb_notices,
     judge_rate,
     offsets,
@@ -31,6 +30,7 @@ from furrowmap.core.trajectory.positions import (
     white_noise_m,
     without_jumps,
 )
+from furrowmap.core.trajectory.vehicle_motion import Motions, find_motion, longest_gap_s
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.rotation import unwrap_deg, wrap_deg

@@ -26,7 +26,8 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.covariance import marginal_covariance
 from furrowmap.core.adjustment.imu_constants import ImuConstants
-from furrowmap.core.adjustment.inertial import (
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, ROTATION, State, StateBlock, normal_equations
+from furrowmap.core.adjustment.preintegration import (
     FORCE_BIAS,
     RATE_BIAS,
     VELOCITY,
@@ -35,7 +36,6 @@ from furrowmap.core.adjustment.inertial import (
     predicted,
     unbiased_increments,
 )
-from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, ROTATION, State, StateBlock, normal_equations
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime import arrays
@@ -74,9 +74,14 @@ from furrowmap.core.trajectory.inertial_start import (
     site_of,
     without_positions,
 )
-from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.pose_errors import PoseErrors
-from furrowmap.core.trajectory.positions import (
+from furrowmap.core.trajectory.shown_errors import (
+    MIN_GAIN,
+    with_shown_drift,
+    with_shown_force_noise,
+    with_shown_scatter,
+)
+from furrowmap.core.trajectory.used_positions import (
     MEDIAN_OF_MEAN,
     WHITE_EPOCHS,
     climb_notices,
@@ -84,12 +89,7 @@ from furrowmap.core.trajectory.positions import (
     quality_words,
     usable,
 )
-from furrowmap.core.trajectory.shown_errors import (
-    MIN_GAIN,
-    with_shown_drift,
-    with_shown_force_noise,
-    with_shown_scatter,
-)
+from furrowmap.core.trajectory.vehicle_motion import STANDING_MPS
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.margins import margin

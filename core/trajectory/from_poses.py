@@ -6,7 +6,7 @@ import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.trajectory.motion import HALF_WINDOW_S, STANDING_MPS, local_velocity, longest_gap_s
+from furrowmap.core.trajectory.vehicle_motion import HALF_WINDOW_S, STANDING_MPS, local_velocity, longest_gap_s
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
 

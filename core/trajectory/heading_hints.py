@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.inertial import Increments
 from furrowmap.core.adjustment.knots import KNOT_STEP_S
+from furrowmap.core.adjustment.preintegration import Increments
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import CREEP_M_RTS, DRIFT_CORRELATION_S
 

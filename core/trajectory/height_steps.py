@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.trajectory.positions import (
+from furrowmap.core.trajectory.used_positions import (
     HEIGHT_JUMP_FLOOR_M,
     JUMP_SIGMAS,
     MAX_STEP_INTERVALS,

@@ -18,7 +18,7 @@ from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.trajectory.positions import sigmas_m
+from furrowmap.core.trajectory.used_positions import sigmas_m
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.inertial import cross_matrix
+from furrowmap.core.adjustment.preintegration import cross_matrix
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.alignment import chained, moving_mean
 from furrowmap.core.trajectory.inertial_start import MAX_IMU_PAUSE_S

@@ -9,7 +9,7 @@ import numpy as np
 from furrowmap.core.adjustment.banded import HUBER_SIGMAS, BandedSolution
 from furrowmap.core.adjustment.imu_constants import CERTAIN_SIGMAS, SETTLED_SIGMAS, ImuConstants, imu_constants
 from furrowmap.core.adjustment.knots import POSE, ROTATION, Observation, State, normal_equations
-from furrowmap.core.adjustment.positions import AntennaPositions, GnssDrift
+from furrowmap.core.adjustment.position_observations import AntennaPositions, GnssDrift
 from furrowmap.core.adjustment.vehicle import TRAVEL_YAW, TRAVEL_YAW_SIGMA, UNKNOWN_TRAVEL_YAW
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.inertial_start import InertialProblem

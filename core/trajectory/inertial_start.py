@@ -9,7 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.inertial import (
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, Chain, Knots, Observation, State, StateLayout, knots_over
+from furrowmap.core.adjustment.position_observations import RecordedHeadings
+from furrowmap.core.adjustment.preintegration import (
     FORCE_BIAS,
     INERTIAL,
     RATE_BIAS,
@@ -18,8 +20,6 @@ from furrowmap.core.adjustment.inertial import (
     Site,
     increments,
 )
-from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, Chain, Knots, Observation, State, StateLayout, knots_over
-from furrowmap.core.adjustment.positions import RecordedHeadings
 from furrowmap.core.adjustment.vehicle import ON_WHEELS, AlongNose, Standing
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.longitudes import middle_deg

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.aiding import Aid
-from furrowmap.core.adjustment.positions import (
+from furrowmap.core.adjustment.imu_aiding import Aid
+from furrowmap.core.adjustment.position_observations import (
     ANTENNA_HEADING_CORRELATION_S,
     ANTENNA_HEADING_SIGMA_RAD,
     RecordedHeadings,
@@ -34,16 +34,16 @@ from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.height_steps import without_height_steps
 from furrowmap.core.trajectory.held_positions import without_held
 from furrowmap.core.trajectory.inertial_start import Hints, MountedImu, site_of
-from furrowmap.core.trajectory.motion import STANDING_MPS, longest_gap_s
 from furrowmap.core.trajectory.pose_errors import PoseErrors
-from furrowmap.core.trajectory.positions import (
+from furrowmap.core.trajectory.smoothing import smooth_path
+from furrowmap.core.trajectory.used_positions import (
     fixes_from_labels,
     positions_without_steps,
     quality_words,
     sigmas_m,
     usable,
 )
-from furrowmap.core.trajectory.smoothing import smooth_path
+from furrowmap.core.trajectory.vehicle_motion import STANDING_MPS, longest_gap_s
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.inertial import inertial_noise

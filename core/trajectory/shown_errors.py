@@ -16,7 +16,7 @@ import numpy as np
 
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.knots import Knots, Observation, State, normal_equations
-from furrowmap.core.adjustment.positions import GnssDrift
+from furrowmap.core.adjustment.position_observations import GnssDrift
 from furrowmap.core.trajectory.inertial_adjustment import Fitted, beside_positions, fitted
 from furrowmap.core.trajectory.inertial_start import InertialProblem
 

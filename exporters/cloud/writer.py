@@ -12,11 +12,11 @@ import laspy
 import numpy as np
 
 from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.exporters.cloud.copc_file import CopcFile, CopcFormat, describe, las_header
 from furrowmap.exporters.cloud.cube import Cube
-from furrowmap.exporters.cloud.file import CopcFile, CopcFormat, describe, las_header
 from furrowmap.exporters.cloud.layers import ChunkColumns
 from furrowmap.exporters.cloud.octree import Octree
-from furrowmap.exporters.cloud.points import Extent, PointBatch, pack
+from furrowmap.exporters.cloud.point_batches import Extent, PointBatch, pack
 from furrowmap.exporters.cloud.records import held_layout
 from furrowmap.exporters.files.atomic import atomic_output
 

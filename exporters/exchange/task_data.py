@@ -20,7 +20,7 @@ from furrowmap.core.geodesy.longitudes import principal_deg
 from furrowmap.core.readers.areas.repair import whole_in_degrees
 from furrowmap.core.readers.isoxml.content import MAIN
 from furrowmap.core.readers.isoxml.log import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA
-from furrowmap.core.readers.isoxml.sections import WORK_STATE
+from furrowmap.core.readers.isoxml.task_sections import WORK_STATE
 from furrowmap.core.readers.isoxml.time_log import EPOCH_S
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.arrays import FloatArray

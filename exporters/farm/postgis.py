@@ -31,8 +31,8 @@ from furrowmap.exporters.farm.edit import (
     is_due,
     row_of,
 )
+from furrowmap.exporters.farm.farm_results import SESSIONS
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
-from furrowmap.exporters.farm.results import SESSIONS
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
 from furrowmap.exporters.vectors.geopackage import GEOMETRY
 

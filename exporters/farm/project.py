@@ -19,8 +19,8 @@ from pyproj import CRS, Transformer
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.farm.edit import KnownSession
-from furrowmap.exporters.farm.memory import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
-from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, TRACKS
+from furrowmap.exporters.farm.farm_memory_tables import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
+from furrowmap.exporters.farm.farm_results import PROVENANCE, SESSIONS, TRACKS
 from furrowmap.exporters.files.qgis_project import (
     DOCTYPE,
     ProjectLayer,
@@ -33,7 +33,7 @@ from furrowmap.exporters.files.qgis_project import (
     put_vector_layer,
     put_view,
 )
-from furrowmap.exporters.share.points import CLASS_COLOURS
+from furrowmap.exporters.share.page_points import CLASS_COLOURS
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, FARM_LABELS, FARM_LAYER_NAMES, VALUES
 from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, with_words
 

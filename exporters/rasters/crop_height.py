@@ -6,7 +6,7 @@ from typing import Final, Self
 import numpy as np
 from pyproj import CRS
 
-from furrowmap.core.crops.canopy import CROP_PIXEL_M, Canopy
+from furrowmap.core.crops.canopy_height import CROP_PIXEL_M, Canopy
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin

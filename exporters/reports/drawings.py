@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.session.frames import BASE, FrameTree
+from furrowmap.core.session.frame_tree import BASE, FrameTree
 from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathDifferences
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState

@@ -21,7 +21,7 @@ from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports import evaluation_drawings
 from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs, write_table
-from furrowmap.exporters.reports.pages import render, write_html
+from furrowmap.exporters.reports.html_pages import render, write_html
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts, times
 from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.exporters.vectors.qgis_styles import StyleClock

@@ -10,7 +10,7 @@ from furrowmap.core.crops.dose_columns import column_words, dose_name, parcel_do
 from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.crops.response_values import Response
 from furrowmap.exporters.reports.drawings import padded_bounds
-from furrowmap.exporters.reports.pages import render
+from furrowmap.exporters.reports.html_pages import render
 from furrowmap.exporters.reports.svg import Sheet, mixed_colour
 from furrowmap.exporters.reports.trial_charts import ParcelValues, response_chart
 

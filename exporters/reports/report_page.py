@@ -10,7 +10,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.local_time import in_local_time, span_words
-from furrowmap.core.implement.model import SeenImplement
+from furrowmap.core.implement.seen_implement import SeenImplement
 from furrowmap.core.pipeline.causes import Finding, findings
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.settings import language_of_user
@@ -20,7 +20,7 @@ from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
 from furrowmap.exporters.rasters.relief import shaded_ground
 from furrowmap.exporters.reports import drawings
-from furrowmap.exporters.reports.pages import render, write_html
+from furrowmap.exporters.reports.html_pages import render, write_html
 from furrowmap.exporters.reports.run_report import points_by_class, scanners, top_findings
 from furrowmap.exporters.reports.svg import WIDTH, drawing, element, image, label, turned_label
 from furrowmap.exporters.vectors.labels import VALUES

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.coverage.field_work import FieldWork
-from furrowmap.core.coverage.ground import AreaFigure, WorkedGround
 from furrowmap.core.coverage.strip_outlines import StripGround
+from furrowmap.core.coverage.worked_ground import AreaFigure, WorkedGround
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
 from furrowmap.core.implement.external_states import NEAR_S
 from furrowmap.core.matching.consistency import Cause
@@ -26,7 +26,7 @@ from furrowmap.core.runtime.errors import CHECK_POINTS_OFF, CONTRADICTION, Notic
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.strips.boresight import BORESIGHT_NAMES, Boresight
-from furrowmap.core.trajectory.motion import distance_and_standing
+from furrowmap.core.trajectory.vehicle_motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.scan import PointClass, named_offset

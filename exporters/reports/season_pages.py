@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.exporters.files.result_folder import REPORT_PAGE
 from furrowmap.exporters.reports.drawings import MAP_MARGIN_M, padded_bounds
-from furrowmap.exporters.reports.pages import days_words, render
+from furrowmap.exporters.reports.html_pages import days_words, render
 from furrowmap.exporters.reports.svg import Sheet
 from furrowmap.exporters.vectors.batch_table import BATCH_LAYERS, BATCH_TABLE, Row
 

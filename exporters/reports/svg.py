@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.exporters.rasters.images import data_uri
 from furrowmap.exporters.rasters.relief import Box
+from furrowmap.exporters.rasters.web_images import data_uri
 
 Number = float | FloatArray
 """A coordinate; an array has a single value."""

@@ -34,7 +34,7 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import window, windows
-from furrowmap.exporters.share.features import HIDDEN_AT_FIRST, moment_s
+from furrowmap.exporters.share.page_features import HIDDEN_AT_FIRST, moment_s
 from furrowmap.exporters.share.shown_layers import JAPANESE, RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, in_language, with_words

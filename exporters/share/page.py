@@ -27,11 +27,11 @@ from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.margins import margin
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder, packaged_style, unreadable
-from furrowmap.exporters.rasters.images import encode_image
+from furrowmap.exporters.rasters.web_images import encode_image
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
-from furrowmap.exporters.reports.pages import duration_words, render
-from furrowmap.exporters.share.features import moment_s, shared_layer
-from furrowmap.exporters.share.points import BYTES_A_POINT, MAX_SHARED_POINTS, shared_points
+from furrowmap.exporters.reports.html_pages import duration_words, render
+from furrowmap.exporters.share.page_features import moment_s, shared_layer
+from furrowmap.exporters.share.page_points import BYTES_A_POINT, MAX_SHARED_POINTS, shared_points
 from furrowmap.exporters.share.shown_layers import BLENDED, JAPANESE, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 
 MAX_PICTURE_SIDE: Final = 2400

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from pyproj import CRS, Transformer
 
-from furrowmap.core.crops.growth import GrownParcel, Growth
+from furrowmap.core.crops.growth_between import GrownParcel, Growth
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.crops.stand import PERCENTILES, Stand
 from furrowmap.core.readers.vector_file import VectorLayer

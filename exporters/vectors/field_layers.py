@@ -10,8 +10,8 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from furrowmap.core.coverage.field_work import FieldWork
-from furrowmap.core.coverage.ground import AreaFigure, FieldPlace
 from furrowmap.core.coverage.strip_outlines import StripGround
+from furrowmap.core.coverage.worked_ground import AreaFigure, FieldPlace
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.strips.strip_differences import StripDifferences
 from furrowmap.core.values.clock import iso_utc

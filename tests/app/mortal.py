@@ -33,7 +33,7 @@ from pathlib import Path
 from typing import Any
 
 from furrowmap.cli.main import _in_three_lines, command_line
-from furrowmap.core.live.session import warm_up
+from furrowmap.core.live.live_session import warm_up
 from furrowmap.core.runtime.errors import FurrowmapError
 from tests.app.writers import WRITERS
 from tests.fuzz_sessions.trials import load

@@ -12,7 +12,7 @@ import rasterio
 from pyproj import CRS
 
 import furrowmap
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.surface_file import surface_file

@@ -15,9 +15,9 @@ from furrowmap.core.geodesy.projection import read_parameters
 from furrowmap.core.readers.ogr_layers import list_layers
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
 from furrowmap.core.runtime.npz import read_npz
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.machine import load_machine
-from furrowmap.workflows.live.background import open_background
+from furrowmap.core.session.machine_file import load_machine
+from furrowmap.core.session.session_file import load_session
+from furrowmap.workflows.live.background_map import open_background
 from tests.core.readers.driver_signatures import signatures
 from tests.core.readers.watched_files import bait_beside
 from tests.exporters.farm.result_folders import write_result

@@ -16,7 +16,7 @@ import pytest
 
 import furrowmap
 from furrowmap.exporters.files.result_folder import open_result
-from furrowmap.exporters.share.features import shared_layer
+from furrowmap.exporters.share.page_features import shared_layer
 from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_local_times, offset_changes
 from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions
 from furrowmap.workflows.share.export import export

@@ -21,11 +21,11 @@ import pytest
 import rasterio
 
 import furrowmap
-from furrowmap.cli import worker
+from furrowmap.cli import worker_process as worker
 from furrowmap.core.runtime import errors
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
 from furrowmap.core.runtime.settings import threads, using_threads
-from furrowmap.core.session.file import FURTHER, parse_session
+from furrowmap.core.session.session_file import FURTHER, parse_session
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS, InertialNoise, inertial_noise
@@ -223,7 +223,7 @@ def test_worker_page__statuses_are_those_of_the_errors() -> None:
 def test_worker_page__progress_is_at_most_ten_messages_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     stated("worker", "at the start of each stage, then at most ten times per second")
     now_s = 0.0
-    monkeypatch.setattr("furrowmap.cli.worker.time.monotonic", lambda: now_s)
+    monkeypatch.setattr("furrowmap.cli.worker_process.time.monotonic", lambda: now_s)
     sent: list[dict[str, Any]] = []
     show = worker._throttled(lambda kind, **content: sent.append(content))
     for k in range(2001):

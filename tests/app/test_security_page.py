@@ -26,7 +26,7 @@ from moto.server import ThreadedMotoServer
 
 import furrowmap
 from furrowmap.cli.main import COMMANDS
-from furrowmap.exporters.reports import pages
+from furrowmap.exporters.reports import html_pages as pages
 from tests.app.crops.test_growth import CRS, EAST, NORTH, PLOTS, write_flight
 from tests.app.crops.test_response import doses, table
 from tests.app.test_killed import KILLS

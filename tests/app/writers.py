@@ -25,7 +25,7 @@ from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.simulator.scenario import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.farm.mosaic import write_mosaic
+from furrowmap.exporters.farm.surface_mosaic import write_mosaic
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import recover
 from furrowmap.exporters.rasters.cog import Band, cog_output

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from furrowmap.cli.main import command_line
 from furrowmap.core.pointclouds import cleaning as cloud_cleaning
-from furrowmap.core.surfaces.ground import classify_ground
+from furrowmap.core.surfaces.ground_filter import classify_ground
 
 WEST, SOUTH = 500_000.0, 5_300_000.0
 

@@ -16,7 +16,7 @@ import pyogrio
 import pytest
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 
 FURROWMAP = Path(sys.executable).with_name("furrowmap")
 SCANS_S = 1_453_364_282.341  # the capture's first return by its GPS time

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from furrowmap.cli.gnss import _offset
+from furrowmap.cli.gnss_commands import _offset
 from furrowmap.core.runtime.errors import UsageError
 
 

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from furrowmap import settings
-from furrowmap.cli.options import settings_options
+from furrowmap.cli.command_options import settings_options
 from furrowmap.core.runtime.options import options_of
 from furrowmap.core.values.plot_grid import PlotGrid
 

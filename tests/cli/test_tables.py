@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from furrowmap.cli.tables import MAX_PARCELS, figures, parcel_table, table
+from furrowmap.cli.result_tables import MAX_PARCELS, figures, parcel_table, table
 
 
 @pytest.mark.parametrize(

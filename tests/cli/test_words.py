@@ -13,20 +13,27 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from furrowmap.cli import batch, calibrate, clouds, crops, farm, fields, gnss, session
-from furrowmap.cli.tables import MAX_PARCELS, file_size, parcel_table
-from furrowmap.core.accuracy.check import Accuracy, Check, Component
+from furrowmap.cli import batch_commands as batch
+from furrowmap.cli import calibrate_commands as calibrate
+from furrowmap.cli import clouds_commands as clouds
+from furrowmap.cli import crops_commands as crops
+from furrowmap.cli import farm_commands as farm
+from furrowmap.cli import fields_commands as fields
+from furrowmap.cli import gnss_commands as gnss
+from furrowmap.cli import session_commands as session
+from furrowmap.cli.result_tables import MAX_PARCELS, file_size, parcel_table
 from furrowmap.core.accuracy.evaluation import Age, Continuity, ErrorStatistics
 from furrowmap.core.accuracy.paired_points import PairedPoints
 from furrowmap.core.accuracy.point_check import InternalPrecision
+from furrowmap.core.accuracy.product_check import Accuracy, Check, Component
 from furrowmap.core.values.machine import Calibrated, Machine, MachineCamera, MachineImplement, MachineImu
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import Antenna, Lidar
 from furrowmap.workflows.batch.batch import Batch
 from furrowmap.workflows.calibrate.calibrate import Calibration
 from furrowmap.workflows.farm.farm import FarmMapChange
-from furrowmap.workflows.farm.memory import FarmMemory
-from furrowmap.workflows.session.machines import KnownMachine
+from furrowmap.workflows.farm.farm_memory import FarmMemory
+from furrowmap.workflows.session.known_machines import KnownMachine
 
 STATED = Mounting((-0.61, 0.02, 2.43), (0.04, 40.05, 180.06))
 FOUND = Calibration(

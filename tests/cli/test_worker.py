@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from furrowmap.cli.main import command_line
-from furrowmap.cli.worker import WorkerConsole, _own_output, work
+from furrowmap.cli.worker_process import WorkerConsole, _own_output, work
 
 FURROWMAP = Path(sys.executable).with_name("furrowmap")
 GNSS = "gnss.nmea"
@@ -198,7 +198,7 @@ def test_protocol__has_standard_input_for_itself() -> None:
     """A library that looks there while a thread waits for orders would wait, too, on Windows."""
     program = (
         "import os, threading\n"
-        "from furrowmap.cli.worker import _own_input\n"
+        "from furrowmap.cli.worker_process import _own_input\n"
         "orders, lines = _own_input(), []\n"
         "reader = threading.Thread(target=lambda: lines.append(orders.readline()))\n"
         "reader.start()\n"

@@ -15,21 +15,21 @@ import pytest
 from pyproj import CRS
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.images.frames import FramePoses, Frames
+from furrowmap.core.images.image_frames import FramePoses, Frames
 from furrowmap.core.readers.nmea.sentences import Sentences
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.spinning.decoder import PacketDecoder
+from furrowmap.core.readers.spinning.packet_decoder import PacketDecoder
 from furrowmap.core.readers.states_csv import StatesCsv
 from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.runtime import npz
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.runtime.packed import packed, unpacked
-from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.surfaces.gaps import bridged, filled
-from furrowmap.core.surfaces.ground import Smrf, classify_ground, cloth_ground, ground_cells, tiles
+from furrowmap.core.surfaces.ground_filter import Smrf, classify_ground, cloth_ground, ground_cells, tiles
 from furrowmap.core.surfaces.outliers import mean_distance_to, mean_neighbour_distance, radius_outliers
-from furrowmap.core.trajectory.positions import fixes_from_labels
+from furrowmap.core.trajectory.used_positions import fixes_from_labels
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.crs import datum_shift_m
 from furrowmap.core.values.gnss import Fix

@@ -17,18 +17,18 @@ from PIL import Image
 from pyproj import CRS
 from shapely.geometry import Point, box
 
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.crops.trial_tables import read_measured, read_treatments
 from furrowmap.core.geodesy.projection import read_parameters
 from furrowmap.core.pipeline.session_aid import read_pixels
 from furrowmap.core.readers.areas.area import read_area
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.readers.image_table import read_image_table
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_signatures import binary_kind
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.simulator.scenario import load_scenario
 
 MAP = CRS.from_epsg(6677)

@@ -17,8 +17,8 @@ import shapely
 from pyproj import CRS
 
 import furrowmap
-from furrowmap.cli.options import value_of
-from furrowmap.core.accuracy.receivers import evaluate_logs
+from furrowmap.cli.command_options import value_of
+from furrowmap.core.accuracy.receiver_logs import evaluate_logs
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.coverage.task_work import task_works
 from furrowmap.core.crops.trial_tables import read_treatments
@@ -27,21 +27,21 @@ from furrowmap.core.images.board import expect_opencv
 from furrowmap.core.implement.external_states import external_states
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pipeline.notices import refuse_empty
-from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.pointclouds.placed_scans import Placement
 from furrowmap.core.readers import text_table
 from furrowmap.core.readers.areas.area import read_area
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.readers.image_pixels import expect_pillow
 from furrowmap.core.readers.text_table import MAX_SHEET_BYTES, read_table
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.runtime.options import Option
-from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.trajectory.inertial_checks import TurnedMounting, turned_mounting
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 from furrowmap.exporters.exchange.vectors import FORMATS, write_vectors
-from furrowmap.exporters.farm import geopackage
+from furrowmap.exporters.farm import farm_geopackage as geopackage
 from furrowmap.exporters.files.provenance import Origin
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_nmea import sentence

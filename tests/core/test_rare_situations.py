@@ -21,13 +21,13 @@ import furrowmap
 from furrowmap import CleanSettings, SurfaceSettings, clean, surface
 from furrowmap.cli.main import command_line
 from furrowmap.core.accuracy.evaluation import evaluate
-from furrowmap.core.accuracy.receivers import evaluate_logs
+from furrowmap.core.accuracy.receiver_logs import evaluate_logs
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.implement.external_states import compare_states, external_states
 from furrowmap.core.pipeline.notices import placement_notices, refuse_empty, session_notices
-from furrowmap.core.pointclouds.clouds import no_points_error, open_clouds
-from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.pointclouds.joined_clouds import no_points_error, open_clouds
+from furrowmap.core.pointclouds.placed_scans import Placement
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.readers.poses.csv import PoseCsv
@@ -40,10 +40,10 @@ from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.ubx.log import UbxLog
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.runtime.write_errors import writing
-from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.simulator.scenario import demo_scenario, load_scenario
 from furrowmap.core.simulator.simulate import simulate
-from furrowmap.core.surfaces.ground import classify_ground
+from furrowmap.core.surfaces.ground_filter import classify_ground
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import Located

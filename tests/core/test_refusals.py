@@ -14,14 +14,15 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.accuracy.receivers import evaluate_logs
+from furrowmap.core.accuracy.receiver_logs import evaluate_logs
 from furrowmap.core.geodesy import projection
 from furrowmap.core.geodesy.crs_change import crs_of
 from furrowmap.core.geodesy.projection import height_system, read_parameters
-from furrowmap.core.readers import boundary, reader, states_csv, surveyed_points, vector_file
+from furrowmap.core.readers import boundary_file as boundary
+from furrowmap.core.readers import reader, states_csv, surveyed_points, vector_file
 from furrowmap.core.readers.isoxml import content, time_log
 from furrowmap.core.readers.isoxml.log import TaskDataLog
-from furrowmap.core.readers.poses.file import RawPoses
+from furrowmap.core.readers.poses.pose_file import RawPoses
 from furrowmap.core.readers.reader import GROUP, ReadOptions, readers
 from furrowmap.core.readers.rosbag.bags import BagFiles, RosBag2
 from furrowmap.core.readers.states_csv import StatesCsv

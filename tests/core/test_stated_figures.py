@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, knots_over
+from furrowmap.core.matching.gauss_newton import COARSE_EVERY
 from furrowmap.core.matching.portions import windows
-from furrowmap.core.matching.steps import COARSE_EVERY
 from furrowmap.core.runtime import memory, settings
 from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.session.file import MAX_PLACE_M, parse_session
-from furrowmap.core.trajectory.positions import usable
+from furrowmap.core.session.session_file import MAX_PLACE_M, parse_session
+from furrowmap.core.trajectory.used_positions import usable
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import IMU_CLASSES
 from furrowmap.exporters.cloud.writer import MEMORY_POINTS

@@ -13,8 +13,8 @@ import pytest
 from furrowmap.core.coverage.field_work import SOIL_SIGMA_M
 from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.files.result_folder import open_result, packaged_style
-from furrowmap.exporters.reports.pages import render
-from furrowmap.exporters.share.features import shared_layer
+from furrowmap.exporters.reports.html_pages import render
+from furrowmap.exporters.share.page_features import shared_layer
 from furrowmap.workflows.share.export import export
 from tests.exporters.farm.result_folders import field, write_result
 

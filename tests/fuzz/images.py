@@ -14,7 +14,7 @@ from furrowmap.core.readers.image_pixels import image_size, read_pixels
 from furrowmap.core.readers.image_table import is_image_table, read_image_table
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.workflows.live.background import open_background
+from furrowmap.workflows.live.background_map import open_background
 from furrowmap.workflows.live.server import tile_of
 from tests.app.live.map_tiles import TILE, mbtiles, pmtiles
 from tests.core.readers.image_bags import filmed

@@ -6,7 +6,7 @@ import json
 from collections import deque
 from pathlib import Path
 
-from furrowmap.cli.session import _inspection_value
+from furrowmap.cli.session_commands import _inspection_value
 from furrowmap.core.readers.imu_csv import QUANTITIES, ImuCsv
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.runtime.json_text import plain

@@ -23,7 +23,7 @@ from random import Random
 from typing import Any
 
 from furrowmap.cli.main import attempt
-from furrowmap.cli.worker import WorkerConsole, _arguments
+from furrowmap.cli.worker_process import WorkerConsole, _arguments
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.exporters.files import lease
 from furrowmap.exporters.files.owner import machine

@@ -11,10 +11,10 @@ import numpy as np
 import pyproj
 import shapely
 
-from furrowmap.cli.worker import _arguments
-from furrowmap.core.implement.model import SideTemplate, SideViewGrid
+from furrowmap.cli.worker_process import _arguments
 from furrowmap.core.implement.near_scans import IMAGE_COLUMNS
 from furrowmap.core.implement.saved import load_implement, save_implement
+from furrowmap.core.implement.seen_implement import SideTemplate, SideViewGrid
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.simulator.scenario import load_scenario
 from furrowmap.workflows.share.export import export

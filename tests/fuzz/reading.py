@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from furrowmap.cli.session import _inspection_value, _inspection_words
+from furrowmap.cli.session_commands import _inspection_value, _inspection_words
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.readers.reader import (
     GivesAttitude,

@@ -14,8 +14,8 @@ import numpy as np
 import rasterio
 from pyproj import CRS
 
-from furrowmap.exporters.cloud.file import CopcFormat
-from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.copc_file import CopcFormat
+from furrowmap.exporters.cloud.point_batches import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.results import read_raster

@@ -14,8 +14,8 @@ import openpyxl
 import shapely
 
 from furrowmap import fields
-from furrowmap.core.coverage.boundary import field_boundary
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.coverage.field_boundary import field_boundary
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.crops.trial_tables import read_treatments
 from furrowmap.core.geodesy.projection import map_frame, read_parameters
 from furrowmap.core.readers.mount_csv import read_mount

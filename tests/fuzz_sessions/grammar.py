@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from msgspec import inspect
 
-from furrowmap.core.session.file import FURTHER
+from furrowmap.core.session.session_file import FURTHER
 from furrowmap.core.values.session import EXAMPLES, Session
 from tests.fuzz_sessions.material import Stock, toml_of
 

@@ -13,13 +13,13 @@ import pytest
 import trimesh
 from pyproj import CRS
 
-from furrowmap.core.accuracy.check import check_product
-from furrowmap.core.pointclouds.clouds import open_clouds
+from furrowmap.core.accuracy.product_check import check_product
+from furrowmap.core.pointclouds.joined_clouds import open_clouds
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError
-from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
-from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.copc_file import CopcFormat, las_wkt
+from furrowmap.exporters.cloud.point_batches import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.settings import soil_file
 from tests.core.readers.las.e57_files import POSE, e57

@@ -14,7 +14,7 @@ import rasterio
 from rasterio.transform import from_origin
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.session.opened import open_session
 from tests.inputs.test_logs import ALL as LOGS
 from tests.inputs.test_logs import EPOCHS, FORMATS, log

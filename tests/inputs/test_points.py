@@ -18,9 +18,9 @@ import shapely
 from pyproj import CRS, Transformer
 from rasterio.transform import from_origin
 
-from furrowmap.core.accuracy.check import check_product
 from furrowmap.core.accuracy.paired_points import pairs_of_files
 from furrowmap.core.accuracy.point_check import surface_at_points
+from furrowmap.core.accuracy.product_check import check_product
 from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError

@@ -18,11 +18,11 @@ import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.coverage.boundary import field_boundary, ground_to_map
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.coverage.field_boundary import field_boundary, ground_to_map
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.areas.area import read_area
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.trial_files import TrialFiles

@@ -13,7 +13,7 @@ from pyproj import CRS
 from furrowmap.core.crops.trial_tables import read_measured, read_treatments
 from furrowmap.core.pipeline.session_aid import read_pixels
 from furrowmap.core.readers.areas.area import read_area
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.readers.image_table import read_image_table
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.readers.reader import (

@@ -12,7 +12,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(CHECKOUT / "scripts"))
 from plugin_commands import FILE, NOT_IN_QGIS, content  # noqa: E402
 
-from furrowmap.cli.calibrate import WithMount, mount  # noqa: E402
+from furrowmap.cli.calibrate_commands import WithMount, mount  # noqa: E402
 from furrowmap.cli.main import COMMANDS, furrowmap  # noqa: E402
 from furrowmap.plugin.processing.description import ALGORITHMS, COMMAND_OPTIONS, Output  # noqa: E402
 

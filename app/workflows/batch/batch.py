@@ -14,7 +14,7 @@ from typing import Final
 
 import msgspec
 
-from furrowmap.core.readers.boundary import BOUNDARIES_UNREADABLE, notices_of_fields, read_fields
+from furrowmap.core.readers.boundary_file import BOUNDARIES_UNREADABLE, notices_of_fields, read_fields
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.json_text import from_kept_json, kept_json, plain
@@ -22,8 +22,8 @@ from furrowmap.core.runtime.memory import peak_memory_bytes
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
-from furrowmap.core.session.file import read_session_text, session_text
 from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.session.session_file import read_session_text, session_text
 from furrowmap.exporters.files.atomic import made_folder
 from furrowmap.exporters.files.batch_state import (
     STATE,
@@ -37,7 +37,7 @@ from furrowmap.exporters.files.batch_state import (
 from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.lease import hold_lease, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
-from furrowmap.exporters.reports.pages import write_html
+from furrowmap.exporters.reports.html_pages import write_html
 from furrowmap.exporters.reports.season_pages import BATCH_PAGE, batch_page
 from furrowmap.exporters.vectors.batch_table import (
     BATCH_FIGURES,
@@ -50,9 +50,10 @@ from furrowmap.exporters.vectors.batch_table import (
 )
 from furrowmap.results import Result, open_result
 from furrowmap.settings import BatchSettings
+from furrowmap.workflows.batch.batch_sources import BatchSource, assign_names, find_sources, stamp
 from furrowmap.workflows.batch.engine import ATTEMPTS
 from furrowmap.workflows.batch.jobs import Job, PreparedSource, identity, key_of, open_job, own_version, prepare
-from furrowmap.workflows.batch.places import (
+from furrowmap.workflows.batch.object_stores import (
     Store,
     earlier_in_store,
     expect_store,
@@ -63,10 +64,9 @@ from furrowmap.workflows.batch.places import (
     scratch,
     store_failure,
 )
-from furrowmap.workflows.batch.sources import BatchSource, assign_names, find_sources, stamp
 from furrowmap.workflows.batch.workforce import Workforce, unprotected
 from furrowmap.workflows.run.session_run import run_opened
-from furrowmap.workflows.session.machines import machine_file
+from furrowmap.workflows.session.known_machines import machine_file
 
 PATIENCE_S: Final = 3600.0
 """A run of another worker into the same folder, such as one whose scheduler is gone, is waited for so long."""

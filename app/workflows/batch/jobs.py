@@ -18,25 +18,25 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.coverage.boundary import boundary_on_map
+from furrowmap.core.coverage.field_boundary import boundary_on_map
 from furrowmap.core.geodesy.coordinates import transform_poses, transform_track
 from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.readers.boundary import BOUNDARIES_UNREADABLE, FieldOutline, read_fields
+from furrowmap.core.readers.boundary_file import BOUNDARIES_UNREADABLE, FieldOutline, read_fields
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.runtime.settings import ALLOWANCES, allows, language_of_user
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
-from furrowmap.core.session.file import parse_session, read_session_text
 from furrowmap.core.session.opened import Inputs, OpenSession
+from furrowmap.core.session.session_file import parse_session, read_session_text
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.batch_state import Failure, Stamp
-from furrowmap.workflows.batch.places import fetch_session, scratch
-from furrowmap.workflows.batch.sources import BatchSource
+from furrowmap.workflows.batch.batch_sources import BatchSource
+from furrowmap.workflows.batch.object_stores import fetch_session, scratch
 from furrowmap.workflows.session.init import proposed
-from furrowmap.workflows.session.machines import machine_for
+from furrowmap.workflows.session.known_machines import machine_for
 
 OUTLINES_FOLDER: Final = ".batch-fields"
 """Folder of the outlines that runs take as the boundary of their field."""

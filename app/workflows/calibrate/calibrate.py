@@ -14,7 +14,7 @@ from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import using_threads
-from furrowmap.core.session.machine import LearnedMounting, learned, load_machine
+from furrowmap.core.session.machine_file import LearnedMounting, learned, load_machine
 from furrowmap.core.session.opened import OpenSession, open_session, watched
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.strips.strip_adjustment import calibrate_flight
@@ -24,7 +24,7 @@ from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.values.margins import margin
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.workflows.session.machines import machine_file, write_machine
+from furrowmap.workflows.session.known_machines import machine_file, write_machine
 
 
 @dataclass(frozen=True)

@@ -29,9 +29,9 @@ from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
-from furrowmap.core.session.camera import camera_of
-from furrowmap.core.session.file import load_session
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.session.session_camera import camera_of
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import ImageFile
 from furrowmap.core.values.rotation import Mounting

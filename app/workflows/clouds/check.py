@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from furrowmap.core.accuracy.check import Check, check_product
 from furrowmap.core.accuracy.paired_points import PAIR_COLUMNS, PairedPoints, pairs_of_files, pairs_of_product
 from furrowmap.core.accuracy.point_check import CHECK_COLUMNS
+from furrowmap.core.accuracy.product_check import Check, check_product
 from furrowmap.core.geodesy.crs_change import optional_with_heights
 from furrowmap.core.readers.surveyed_points import SurveyOptions, may_hold_points
 from furrowmap.core.runtime.progress import Progress, silent

@@ -12,18 +12,18 @@ import numpy as np
 
 from furrowmap.core.pointclouds.cleaning import clean_points
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import Clouds, no_points_error
+from furrowmap.core.pointclouds.joined_clouds import Clouds, no_points_error
 from furrowmap.core.readers.las.cloud import Box, Survey
-from furrowmap.core.readers.las.points import TimeKind
+from furrowmap.core.readers.las.point_records import TimeKind
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray
-from furrowmap.core.surfaces.ground import require_cloth
+from furrowmap.core.surfaces.ground_filter import require_cloth
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.crs import name_of
-from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
-from furrowmap.exporters.cloud.points import RETURNS, PointBatch
+from furrowmap.exporters.cloud.copc_file import CopcFormat, las_wkt
+from furrowmap.exporters.cloud.point_batches import RETURNS, PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.files.atomic import make_folder, refuse_existing
 from furrowmap.exporters.files.file_records import FileRecord

@@ -10,12 +10,12 @@ import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_with_heights
-from furrowmap.core.images.frames import Frames, frames_along
+from furrowmap.core.images.image_frames import Frames, frames_along
 from furrowmap.core.pipeline.session_aid import aid_session
 from furrowmap.core.pipeline.solution import companions, ground_scale
 from furrowmap.core.pointclouds.cleaning import clean_points
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
+from furrowmap.core.pointclouds.joined_clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.readers.image_pixels import expect_pillow
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.json_text import plain
@@ -25,7 +25,7 @@ from furrowmap.core.runtime.settings import using
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.images import CONTRADICTING
-from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
+from furrowmap.exporters.cloud.copc_file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.atomic import make_folder
 from furrowmap.exporters.files.provenance import Origin

@@ -12,7 +12,7 @@ from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.readers.las.cloud import Survey
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.surfaces.ground import require_cloth
+from furrowmap.core.surfaces.ground_filter import require_cloth
 from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, FEATURE_PRODUCTS, FEATURES, FEATURES_REPORT, refuse_occupied

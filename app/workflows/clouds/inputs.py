@@ -9,7 +9,7 @@ from typing import Any
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import horizontal_part, optional_crs, optional_with_heights
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, near_box, open_clouds
+from furrowmap.core.pointclouds.joined_clouds import Clouds, box_in, near_box, open_clouds
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import Notice

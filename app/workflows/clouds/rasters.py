@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.pointclouds.clouds import Clouds
+from furrowmap.core.pointclouds.joined_clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod, cloud_tiles
 from furrowmap.core.readers.geotiff import open_geotiff

@@ -6,7 +6,7 @@ from typing import Any, Final, Literal
 
 import rasterio
 
-from furrowmap.core.pointclouds.clouds import no_points_error
+from furrowmap.core.pointclouds.joined_clouds import no_points_error
 from furrowmap.core.pointclouds.spool_clouds import cell_for, spool_clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod

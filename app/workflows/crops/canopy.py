@@ -9,10 +9,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
+from furrowmap.core.crops.parcel_areas import elsewhere_error, read_parcels
 from furrowmap.core.crops.stand import Stand, stand_of
 from furrowmap.core.geodesy.projection import scale_at
-from furrowmap.core.pointclouds.clouds import Clouds, near_box, no_points_error
+from furrowmap.core.pointclouds.joined_clouds import Clouds, near_box, no_points_error
 from furrowmap.core.pointclouds.spool_clouds import cell_for, spool_clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles

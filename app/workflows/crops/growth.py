@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from furrowmap.core.crops.growth import GrownParcel, align_flights, measure_growth
+from furrowmap.core.crops.growth_between import GrownParcel, align_flights, measure_growth
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.crops.parcel_points import ParcelPoints
-from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.trial_tables import day_of
 from furrowmap.core.geodesy.local_time import local_day
-from furrowmap.core.pointclouds.clouds import Clouds
+from furrowmap.core.pointclouds.joined_clouds import Clouds
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import name_of

@@ -13,11 +13,12 @@ import numpy as np
 import shapely
 from pyproj import CRS
 
+from furrowmap.core.crops.bare_soil import SOIL_CELL_M
 from furrowmap.core.crops.dose_columns import dose_name, dose_unit, parcel_doses
+from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels
-from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
-from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
-from furrowmap.core.crops.placement import (
+from furrowmap.core.crops.parcel_areas import elsewhere_error, read_parcels
+from furrowmap.core.crops.parcel_placement import (
     FAR_SHIFT_M,
     MAX_PARCEL_SHIFT_M,
     ParcelShift,
@@ -25,16 +26,15 @@ from furrowmap.core.crops.placement import (
     parcel_shift,
     parcels_elsewhere,
 )
-from furrowmap.core.crops.response import fit_response
+from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.crops.response_values import Response, ResponseQuestion
 from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster, site_soil
-from furrowmap.core.crops.soil import SOIL_CELL_M
 from furrowmap.core.crops.treatment_order import REVERSED, REVERSED_IN_BLOCKS, mistaken_order
 from furrowmap.core.crops.trial_tables import day_of, read_treatments, with_treatments
 from furrowmap.core.geodesy.crs_change import horizontal_part
 from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.geodesy.projection import scale_at
-from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
+from furrowmap.core.pointclouds.joined_clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.pointclouds.spool_clouds import spool_clouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box, Survey, is_cloud

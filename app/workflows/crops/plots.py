@@ -8,7 +8,7 @@ import shapely
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from furrowmap.core.crops.parcels import plot_grid
+from furrowmap.core.crops.parcel_areas import plot_grid
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.areas.area import placed
 from furrowmap.core.runtime.errors import InputError, Notice

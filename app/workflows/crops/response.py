@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.crops.dose_columns import column_words
-from furrowmap.core.crops.growth import Growth, growth_of
+from furrowmap.core.crops.growth_between import Growth, growth_of
 from furrowmap.core.crops.response_values import Response
 from furrowmap.core.crops.trial import Trial, TrialPlan, analyse_trial
 from furrowmap.core.crops.trial_tables import (

@@ -22,9 +22,23 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.farm.edit import KnownSession
-from furrowmap.exporters.farm.geopackage import GeopackageEdit, geopackage_edit
+from furrowmap.exporters.farm.farm_geopackage import GeopackageEdit, geopackage_edit
+from furrowmap.exporters.farm.farm_memory_tables import (
+    GROUND_COLUMNS,
+    PASS_COLUMNS,
+    SESSION_COLUMNS,
+    Sessions,
+    memory_layers,
+)
+from furrowmap.exporters.farm.farm_results import (
+    PROVENANCE,
+    SESSIONS,
+    SessionResult,
+    drawing_order,
+    read_result,
+    read_tasks,
+)
 from furrowmap.exporters.farm.ground_files import report_of, write_ground_files
-from furrowmap.exporters.farm.memory import GROUND_COLUMNS, PASS_COLUMNS, SESSION_COLUMNS, Sessions, memory_layers
 from furrowmap.exporters.farm.project import (
     CLOUDS,
     POINT_CLOUD_WORDS,
@@ -35,7 +49,6 @@ from furrowmap.exporters.farm.project import (
     project_archive,
     styles,
 )
-from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, SessionResult, drawing_order, read_result, read_tasks
 from furrowmap.exporters.files.qgis_project import ProjectLayer
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.field_layers import concatenate_layers

@@ -8,7 +8,7 @@ from pathlib import Path
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.file_names import is_network_path, resolved
 from furrowmap.exporters.farm.edit import KnownSession
-from furrowmap.exporters.farm.results import products_digest
+from furrowmap.exporters.farm.farm_results import products_digest
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.file_names import leads_out, resolved
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.farm.edit import KnownSession
-from furrowmap.exporters.farm.mosaic import SUFFIXES, Mosaic, write_mosaic
+from furrowmap.exporters.farm.surface_mosaic import SUFFIXES, Mosaic, write_mosaic
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.settings import MosaicSettings

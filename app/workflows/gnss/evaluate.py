@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from furrowmap.core.accuracy.evaluation import Evaluation
-from furrowmap.core.accuracy.receivers import evaluate_logs
+from furrowmap.core.accuracy.receiver_logs import evaluate_logs
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.reports.evaluation_figures import table_rows

@@ -17,7 +17,7 @@ from furrowmap.core.coverage.worked_cells import MISSED, OVERLAP, WORKED, Tile
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.live.difference import LIVE_LOG, LOGGED
-from furrowmap.core.live.session import LiveScan, LiveSession, warm_up
+from furrowmap.core.live.live_session import LiveScan, LiveSession, warm_up
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, UsageError
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
@@ -28,7 +28,7 @@ from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Scan
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.plain_files import append_to
-from furrowmap.workflows.live.background import BackgroundMap, open_background
+from furrowmap.workflows.live.background_map import BackgroundMap, open_background
 from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed, recorder_status
 from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.nmea import sentences

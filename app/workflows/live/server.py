@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.coverage.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, WorkedCells
 from furrowmap.core.runtime.supervised import SupervisedThread
-from furrowmap.exporters.reports.pages import render
-from furrowmap.workflows.live.background import BackgroundMap, kind_of
+from furrowmap.exporters.reports.html_pages import render
+from furrowmap.workflows.live.background_map import BackgroundMap, kind_of
 from furrowmap.workflows.live.hosts import OwnHosts
-from furrowmap.workflows.live.places import Places, ReaderPlace
+from furrowmap.workflows.live.reader_places import Places, ReaderPlace
 
 QUEUED_MESSAGES: Final = 64
 """Messages that wait for a reader; one that falls further behind begins anew with a whole picture."""

@@ -10,8 +10,8 @@ from furrowmap.core.readers.arrived_positions import ArrivedPositions
 from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.values.gnss import Fix
 from furrowmap.workflows.record.gnss_source import GnssBytes, GnssSource
+from furrowmap.workflows.record.recording_files import Storage
 from furrowmap.workflows.record.series import Series
-from furrowmap.workflows.record.storage import Storage
 
 REOPEN_S: Final = 1.0
 """Between two attempts to open a source."""

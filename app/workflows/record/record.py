@@ -15,17 +15,17 @@ from furrowmap.core.readers.arrived_positions import ArrivedPositions
 from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
 from furrowmap.core.values.machine import Machine, MachineRecord
 from furrowmap.workflows.record.gnss_source import GnssSource
-from furrowmap.workflows.record.network import BUFFER_BYTES, PCAP_HEAD, USUAL_PORTS, Port, ScannerNetwork
 from furrowmap.workflows.record.ouster_metadata import MetadataAsker
 from furrowmap.workflows.record.receivers import GnssReceiver
+from furrowmap.workflows.record.recorded_session import SESSION_FILE, SessionFile
 from furrowmap.workflows.record.recorder import Recorder, ThreadEnds
+from furrowmap.workflows.record.recording_files import Storage
 from furrowmap.workflows.record.senders import Senders
 from furrowmap.workflows.record.series import Series
-from furrowmap.workflows.record.session_file import SESSION_FILE, SessionFile
 from furrowmap.workflows.record.small_files import SmallFiles
-from furrowmap.workflows.record.storage import Storage
+from furrowmap.workflows.record.udp_packets import BUFFER_BYTES, PCAP_HEAD, USUAL_PORTS, Port, ScannerNetwork
 from furrowmap.workflows.record.watch import Status, Watch
-from furrowmap.workflows.session.machines import machine_for
+from furrowmap.workflows.session.known_machines import machine_for
 
 SWITCH_S: Final = 1e-4
 """After this time a thread that computes lets another one receive; Python's own are 5 ms, a packet each."""

@@ -11,7 +11,7 @@ from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.runtime.supervised import SupervisedThread, cause_of
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.workflows.record.ouster_metadata import MetadataAsker
-from furrowmap.workflows.record.session_file import SESSION_FILE, SessionFile
+from furrowmap.workflows.record.recorded_session import SESSION_FILE, SessionFile
 from furrowmap.workflows.record.small_files import SmallFiles
 from furrowmap.workflows.record.watch import Status, Watch
 

@@ -10,10 +10,10 @@ from typing import Any, Final
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.supervised import SupervisedThread, cause_of
 from furrowmap.core.values.gnss import Fix
-from furrowmap.workflows.record.network import BUFFER_BYTES, ScannerNetwork
 from furrowmap.workflows.record.receivers import MAX_BYTES_PER_S, GnssReceiver
+from furrowmap.workflows.record.recording_files import Storage
 from furrowmap.workflows.record.senders import Rank, Sender
-from furrowmap.workflows.record.storage import Storage
+from furrowmap.workflows.record.udp_packets import BUFFER_BYTES, ScannerNetwork
 
 STATUS_SCHEMA: Final = 1
 STREAM_SILENT_S: Final = 2.0

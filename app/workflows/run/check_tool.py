@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from furrowmap.core.accuracy.check import HeldHeights
 from furrowmap.core.accuracy.point_check import surface_at_points
+from furrowmap.core.accuracy.product_check import HeldHeights
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import CHECK_POINTS_OFF
 from furrowmap.core.session.opened import OpenSession

@@ -1,6 +1,6 @@
 """Colours of a run's cloud from the images of its camera, and the orthophoto."""
 
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.workflows.run.colours import RunColours

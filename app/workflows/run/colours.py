@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, Colours
-from furrowmap.core.images.frames import Frames
-from furrowmap.core.pointclouds.placed import PLACED_AHEAD, PlacedScan
+from furrowmap.core.images.image_frames import Frames
+from furrowmap.core.pointclouds.placed_scans import PLACED_AHEAD, PlacedScan
 from furrowmap.core.runtime.background import behind
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress

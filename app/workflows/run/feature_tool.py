@@ -6,7 +6,7 @@ from time import perf_counter
 
 from furrowmap.core.features.cloud_features import FoundFeatures, classify_features, measure_density
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import open_clouds
+from furrowmap.core.pointclouds.joined_clouds import open_clouds
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.session import FeatureSearch
 from furrowmap.exporters.files.result_folder import CLOUD

@@ -7,13 +7,13 @@ from typing import Any, Final
 
 import msgspec
 
-from furrowmap.core.coverage.boundary import ground_to_map
+from furrowmap.core.coverage.field_boundary import ground_to_map
 from furrowmap.core.coverage.field_surfaces import FieldPoints
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.images.frames import Frames
-from furrowmap.core.pipeline import preview as preview_story
+from furrowmap.core.images.image_frames import Frames
+from furrowmap.core.pipeline import preview_story as preview_story
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.progress import Progress, silent
@@ -21,7 +21,7 @@ from furrowmap.core.runtime.settings import using_threads
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.surfaces.passage import Passages
 from furrowmap.core.surfaces.statistic import Statistic
-from furrowmap.core.trajectory.motion import distance_and_standing
+from furrowmap.core.trajectory.vehicle_motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.exporters.files.file_records import files_in, name_from

@@ -17,24 +17,24 @@ import tomli_w
 
 from furrowmap.core.coverage.field_surfaces import MAX_REACH_M, FieldPoints
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.images.frames import Frames
+from furrowmap.core.images.image_frames import Frames
 from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.pipeline.causes import by_cause
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.pointclouds.placed import PLACED_AHEAD, PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PLACED_AHEAD, PlacedScan
 from furrowmap.core.runtime.background import behind, beside
 from furrowmap.core.runtime.errors import printable
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.session.file import together
 from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.session.session_file import together
 from furrowmap.core.surfaces.local_ground import GroundSampler
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import Interval, interval_numbers
-from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
+from furrowmap.exporters.cloud.copc_file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.layers import ChunkColumns
-from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.point_batches import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin

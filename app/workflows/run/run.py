@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 import numpy as np
 
-from furrowmap.core.coverage.boundary import ground_to_map
+from furrowmap.core.coverage.field_boundary import ground_to_map
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.images.frames import Frames
+from furrowmap.core.images.image_frames import Frames
 from furrowmap.core.live.difference import live_difference
 from furrowmap.core.pipeline.run import run as run_session
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.arrays import release
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.file_names import resolved
@@ -141,7 +141,7 @@ def _import_writers() -> None:
     """Import what writes products with its libraries; once, as objects of an earlier run must not be frozen."""
     with importing():
         import furrowmap.workflows.run.products  # noqa: F401
-        from furrowmap.exporters.reports.pages import compile_templates
+        from furrowmap.exporters.reports.html_pages import compile_templates
 
         pages = ("report", "base", "parts", "passes", "images", "flight", "parcels")
         compile_templates(*(f"{name}.html" for name in pages))  # half a second of the last step, which has one thread

@@ -5,7 +5,7 @@ from typing import Final
 
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.runtime.progress import Step
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.values.session import Session
 
 _LAST: Final = (

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
-from furrowmap.core.images.frames import Frames
+from furrowmap.core.images.image_frames import Frames
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress

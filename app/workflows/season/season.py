@@ -31,9 +31,9 @@ from furrowmap.exporters.exchange.stac import (
     tile_item,
     write_season_catalogue,
 )
-from furrowmap.exporters.farm.mosaic import common_crs, grid_in
-from furrowmap.exporters.farm.results import short_hash
+from furrowmap.exporters.farm.farm_results import short_hash
 from furrowmap.exporters.farm.surface_file import SurfaceFile, same_map, surface_file, unusable
+from furrowmap.exporters.farm.surface_mosaic import common_crs, grid_in
 from furrowmap.exporters.farm.traffic import WORKED
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
 from furrowmap.exporters.files.atomic import remove_unfinished
@@ -45,8 +45,8 @@ from furrowmap.exporters.rasters.windows import enclosing, shared_cells
 from furrowmap.settings import SeasonSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS
 from furrowmap.workflows.batch.workforce import Workforce, unprotected
-from furrowmap.workflows.season.sources import SeasonSession, find_sessions, season_crs
-from furrowmap.workflows.season.tasks import MosaicTile, Part, SessionTables, write_part
+from furrowmap.workflows.season.season_sources import SeasonSession, find_sessions, season_crs
+from furrowmap.workflows.season.season_tasks import MosaicTile, Part, SessionTables, write_part
 from furrowmap.workflows.share.export import refuse_result
 
 SEASON: Final = "season.json"

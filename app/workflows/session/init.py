@@ -14,7 +14,7 @@ from furrowmap.core.session.proposal import propose_session as proposal_of
 from furrowmap.core.session.trial_files import TrialFiles
 from furrowmap.core.values.machine import Machine
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.workflows.session.machines import machine_for
+from furrowmap.workflows.session.known_machines import machine_for
 
 NOT_RECORDED: Final = frozenset(
     {".toml", ".geojson", ".gpkg", ".kml", ".shp", ".shx", ".dbf", ".prj", ".cpg", ".jpg", ".jpeg", ".png", ".tif"}

@@ -13,8 +13,8 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import REPORT_PAGE, open_result, reading_result
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.reports.area_units import in_area_unit
+from furrowmap.exporters.reports.html_pages import write_pdf
 from furrowmap.exporters.reports.page_language import in_language, language_of
-from furrowmap.exporters.reports.pages import write_pdf
 from furrowmap.exporters.share.field_project import FIELD_PRODUCTS, PROJECT_FILE, write_field_project
 from furrowmap.exporters.share.page import INDEX, PAGE_PRODUCTS, SHARE_REPORT, write_page
 from furrowmap.workflows.share.export import refuse_result

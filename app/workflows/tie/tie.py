@@ -16,8 +16,8 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.accuracy.point_check import surface_at_points
-from furrowmap.core.coregistration.network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
 from furrowmap.core.coregistration.pair_tie import PLACE_TERMS, PairTie, tie_pair, tie_points
+from furrowmap.core.coregistration.tie_network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
 from furrowmap.core.coregistration.upright import Upright, find_uprights, join_uprights, tie_uprights
 from furrowmap.core.coverage.field_surfaces import BESIDE_M
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
@@ -47,7 +47,7 @@ from furrowmap.exporters.rasters.tied_surfaces import (
     write_change,
     write_moved,
 )
-from furrowmap.exporters.reports.pages import write_html
+from furrowmap.exporters.reports.html_pages import write_html
 from furrowmap.exporters.reports.season_pages import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
 from furrowmap.settings import TieSettings

@@ -11,8 +11,8 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from furrowmap.core.readers.spinning.captures import SpinningPcap
-from furrowmap.core.readers.spinning.model import Maker, Model, PacketLayout
+from furrowmap.core.readers.spinning.scanner_model import Maker, Model, PacketLayout
+from furrowmap.core.readers.spinning.spinning_captures import SpinningPcap
 
 _HESAI_MARK: Final = {0: 0xEE, 1: 0xFF}
 _XT: Final = PacketLayout(

@@ -31,8 +31,8 @@ from furrowmap.core.readers.isoxml.content import (
     read_content,
 )
 from furrowmap.core.readers.isoxml.devices import PARALLEL, DeviceElement, ancestors
-from furrowmap.core.readers.isoxml.placement import implement_links
-from furrowmap.core.readers.isoxml.sections import (
+from furrowmap.core.readers.isoxml.implement_placement import implement_links
+from furrowmap.core.readers.isoxml.task_sections import (
     CONDENSED_STATES,
     SECTIONS_EACH,
     WORK_STATE,

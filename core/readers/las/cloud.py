@@ -13,7 +13,6 @@ import pyproj
 from numpy.typing import NDArray
 from pyproj.exceptions import CRSError, ProjError
 
-from furrowmap.core.readers.las.decoder import DECODER, Decoder
 from furrowmap.core.readers.las.e57 import read_e57
 from furrowmap.core.readers.las.header import (
     LEAST_RECORD_BYTES,
@@ -25,6 +24,7 @@ from furrowmap.core.readers.las.header import (
     read_header,
     read_records,
 )
+from furrowmap.core.readers.las.las_decoder import DECODER, Decoder
 from furrowmap.core.readers.las.laz import (
     LAZ_RECORD_ID,
     LAZ_USER_ID,
@@ -33,14 +33,14 @@ from furrowmap.core.readers.las.laz import (
     find_points,
     stream_points,
 )
-from furrowmap.core.readers.las.points import TIME_SAMPLE, CloudBatch, TimeKind, clock_of, layout, unpack
-from furrowmap.core.readers.las.tables import (
+from furrowmap.core.readers.las.pcd_ply import (
     E57_SIGNATURE,
     POINT_SIGNATURES,
     TABLE_HEADER_BYTES,
     PointTable,
     read_table,
 )
+from furrowmap.core.readers.las.point_records import TIME_SAMPLE, CloudBatch, TimeKind, clock_of, layout, unpack
 from furrowmap.core.readers.vertical_keys import heights_by_keys, heights_differ, tells_more, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice

@@ -1,7 +1,7 @@
 """The process that decodes compressed points, and spreadsheets: a program that imports little, and starts in 30 ms.
 
 lazrs (0.8.2) decodes GPS times by recursion, as deep as the data demand: a damaged chunk overflows the stack, which
-ends the process. So the process is one that may end; :mod:`furrowmap.core.readers.las.decoder` starts it again.
+ends the process. So the process is one that may end; :mod:`furrowmap.core.readers.las.las_decoder` starts it again.
 
 It reads orders from standard input, one JSON object per line: ``chunks`` (``path``, ``begin``, ``bytes``, ``vlr``,
 ``table`` of points and bytes, ``size`` of the result), ``stream`` (``path``, ``offset``, ``vlr``, ``size``),

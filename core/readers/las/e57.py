@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
-from furrowmap.core.readers.las.points import CloudBatch
-from furrowmap.core.readers.las.tables import E57_SIGNATURE, PointTable, batch_of_rows
+from furrowmap.core.readers.las.pcd_ply import E57_SIGNATURE, PointTable, batch_of_rows
+from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.kernels import kernel

@@ -5,7 +5,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.readers.las.tables import POINT_SIGNATURES
+from furrowmap.core.readers.las.pcd_ply import POINT_SIGNATURES
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError

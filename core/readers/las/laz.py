@@ -17,8 +17,8 @@ import lazrs
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.readers.las.header import LasHeader, LasRecord
+from furrowmap.core.readers.las.las_decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.memory import expect_growth

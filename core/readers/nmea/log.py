@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.gravity import GEOID_SIGMA_M, coarse_geoid_m
 from furrowmap.core.readers.epochs import MAX_BACKWARD_SHARE, midnight_utc_s, midnights_utc_s
+from furrowmap.core.readers.framed_messages import paired
 from furrowmap.core.readers.inertial_rows import attitude_track
-from furrowmap.core.readers.messages import paired
 from furrowmap.core.readers.nmea.sentences import (
     FIELDS,
     Kind,

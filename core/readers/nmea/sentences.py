@@ -13,7 +13,7 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.messages import MessageCounts, scan_stream
+from furrowmap.core.readers.framed_messages import MessageCounts, scan_stream
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.kernels import kernel
 

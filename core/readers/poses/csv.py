@@ -11,7 +11,7 @@ import numpy as np
 
 from furrowmap.core.readers.column_names import ELLIPSOIDAL_H
 from furrowmap.core.readers.csv_file import TIMES, Column, CsvFile, head_columns, names_a_position
-from furrowmap.core.readers.poses.file import PoseFile, RawPoses
+from furrowmap.core.readers.poses.pose_file import PoseFile, RawPoses
 from furrowmap.core.readers.reader import Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice

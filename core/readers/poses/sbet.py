@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.poses.file import PoseFile, RawPoses
+from furrowmap.core.readers.poses.pose_file import PoseFile, RawPoses
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError

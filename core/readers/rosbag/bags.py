@@ -23,9 +23,8 @@ from furrowmap.core.readers.ouster.metadata import Metadata, metadata_beside
 from furrowmap.core.readers.ouster.packets import OusterDecoder
 from furrowmap.core.readers.pcap import Datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
-from furrowmap.core.readers.rosbag import messages as ros
-from furrowmap.core.readers.rosbag.clouds import CloudScans, LineScans
-from furrowmap.core.readers.rosbag.storage import (
+from furrowmap.core.readers.rosbag import ros_messages as ros
+from furrowmap.core.readers.rosbag.bag_storage import (
     MCAP_MAGIC,
     ROSBAG1_MAGIC,
     SQLITE_MAGIC,
@@ -37,6 +36,7 @@ from furrowmap.core.readers.rosbag.storage import (
     Rosbag1Storage,
     decompress_message,
 )
+from furrowmap.core.readers.rosbag.cloud_messages import CloudScans, LineScans
 from furrowmap.core.readers.rosbag.topic_content import (
     LOOKED_INTO,
     MESSAGES_LOOKED_AT,
@@ -45,8 +45,8 @@ from furrowmap.core.readers.rosbag.topic_content import (
     is_second_scanner,
 )
 from furrowmap.core.readers.source import Head, look
-from furrowmap.core.readers.spinning.decoder import PacketDecoder
-from furrowmap.core.readers.spinning.model import AngleTable, ByteArray
+from furrowmap.core.readers.spinning.packet_decoder import PacketDecoder
+from furrowmap.core.readers.spinning.scanner_model import AngleTable, ByteArray
 from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.runtime.arrays import scratch_file
 from furrowmap.core.runtime.errors import InputError, Notice

@@ -11,9 +11,9 @@ import numpy as np
 
 from furrowmap.core.readers.ouster.captures import looks_like_data
 from furrowmap.core.readers.pcap import Datagrams
-from furrowmap.core.readers.rosbag import messages as ros
-from furrowmap.core.readers.rosbag.clouds import FIELD_NAMES
-from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.readers.rosbag import ros_messages as ros
+from furrowmap.core.readers.rosbag.bag_storage import BagMessage, Damage
+from furrowmap.core.readers.rosbag.cloud_messages import FIELD_NAMES
 
 MESSAGES_LOOKED_AT: Final = 8
 """Messages of each topic that are looked into."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from furrowmap.core.geodesy.longitudes import signed_deg
 from furrowmap.core.readers.csv_file import COMPARED_LINES, is_whole
 from furrowmap.core.readers.epochs import midnights_utc_s
-from furrowmap.core.readers.messages import MESSAGE_CHUNK_BYTES
+from furrowmap.core.readers.framed_messages import MESSAGE_CHUNK_BYTES
 from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, file_at
 from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head, Source

@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.messages import CRC, Framing, MessageCounts, Messages, at_equal, layout
+from furrowmap.core.readers.framed_messages import CRC, Framing, MessageCounts, Messages, at_equal, layout
 from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, dated_positions, has_position
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice

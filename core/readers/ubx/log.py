@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.epochs import midnights_utc_s, no_week, week_times
-from furrowmap.core.readers.messages import FLETCHER, Framing, MessageCounts, Messages, at_equal, layout, paired
+from furrowmap.core.readers.framed_messages import FLETCHER, Framing, MessageCounts, Messages, at_equal, layout, paired
 from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice

@@ -23,6 +23,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from furrowmap.core.readers.framed_messages import MESSAGE_CHUNK_BYTES, MessageCounts, scan_stream
 from furrowmap.core.readers.inertial_rows import (
     attitude_track,
     first_beyond,
@@ -31,7 +32,6 @@ from furrowmap.core.readers.inertial_rows import (
     inertial_track,
     inspected_track,
 )
-from furrowmap.core.readers.messages import MESSAGE_CHUNK_BYTES, MessageCounts, scan_stream
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.arrays import FloatArray
@@ -115,7 +115,7 @@ class BinaryMessages:
     counts: MessageCounts[bytes] = field(default_factory=MessageCounts)
 
     def scan(self, data: bytes, base: int = 0, last: bool = True) -> int:  # noqa: ARG002
-        """Find the messages in a piece of a stream; see :func:`~furrowmap.core.readers.messages.scan_stream`."""
+        """Find the messages in a piece of a stream; see :func:`~furrowmap.core.readers.framed_messages.scan_stream`."""
         end = len(data) if last else max(len(data) - MAX_MESSAGE_BYTES, 0)
         done = end
         at = data.find(SYNC, 0, end)
@@ -190,7 +190,7 @@ class AsciiSentences:
     counts: MessageCounts[str] = field(default_factory=MessageCounts)
 
     def scan(self, data: bytes, base: int = 0, last: bool = True) -> int:  # noqa: ARG002
-        """Find the sentences in a piece of a stream; see :func:`~furrowmap.core.readers.messages.scan_stream`."""
+        """Find the sentences in part of a stream; see :func:`~furrowmap.core.readers.framed_messages.scan_stream`."""
         end = len(data) if last or len(data) >= 2 * MESSAGE_CHUNK_BYTES else data.rfind(b"\n") + 1
         for before, kind, body, checksum in _VN_SENTENCE.findall(data[:end]):
             values = _fields(kind, body, checksum)

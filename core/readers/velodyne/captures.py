@@ -12,8 +12,8 @@ import numpy as np
 
 from furrowmap.core.readers.pcap import capture_format
 from furrowmap.core.readers.source import Head
-from furrowmap.core.readers.spinning.captures import SpinningPcap
-from furrowmap.core.readers.spinning.model import Maker, Model, PacketLayout
+from furrowmap.core.readers.spinning.scanner_model import Maker, Model, PacketLayout
+from furrowmap.core.readers.spinning.spinning_captures import SpinningPcap
 from furrowmap.core.runtime.arrays import FloatArray
 
 PACKET_BYTES: Final = 1206

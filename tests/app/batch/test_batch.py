@@ -24,10 +24,10 @@ from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedErr
 from furrowmap.exporters.files.batch_state import STATE, batch_state
 from furrowmap.workflows.batch import dask, workforce
 from furrowmap.workflows.batch.batch import _lost
+from furrowmap.workflows.batch.batch_sources import BatchSource, assign_names, find_sources, holds_scans
 from furrowmap.workflows.batch.dask import DaskWorkers, _not_started, _unusable, cluster_of_scheduler, local_cluster
 from furrowmap.workflows.batch.engine import Engine, OneProcess, WorkerDied
 from furrowmap.workflows.batch.jobs import VISIT_MARGIN_S, Job, open_job, prepare, visits_of
-from furrowmap.workflows.batch.sources import BatchSource, assign_names, find_sources, holds_scans
 from furrowmap.workflows.batch.workforce import Workforce
 from tests.app.ending_workers import end_worker, variable
 

@@ -15,7 +15,7 @@ from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.exporters.files.batch_state import STATE
 from furrowmap.workflows.batch.batch import run_job
 from furrowmap.workflows.batch.jobs import Job
-from furrowmap.workflows.batch.places import MARKER, Store, earlier_in_store, is_url
+from furrowmap.workflows.batch.object_stores import MARKER, Store, earlier_in_store, is_url
 
 ONE = furrowmap.BatchSettings(workers=1)
 

@@ -11,8 +11,9 @@ import pytest
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.files.batch_state import SessionOutcome
 from furrowmap.exporters.files.lease import PREFIX
-from furrowmap.workflows.batch import batch, places
-from furrowmap.workflows.batch.places import MARKER, Store
+from furrowmap.workflows.batch import batch
+from furrowmap.workflows.batch import object_stores as places
+from furrowmap.workflows.batch.object_stores import MARKER, Store
 
 pytest.importorskip("fsspec")
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.images.projection import unproject
+from furrowmap.core.images.pinhole import unproject
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.values.camera import Camera
@@ -218,7 +218,7 @@ def test_frames__without_times_or_pixels_are_refused(frames: Path, tmp_path: Pat
 def test_mount__without_a_pivot_is_taken_frame_by_frame() -> None:
     """A board that is held by hand: its place does not follow from how it is turned."""
     from furrowmap.core.images.board import board_poses
-    from furrowmap.core.images.projection import project
+    from furrowmap.core.images.pinhole import project
 
     rng = np.random.default_rng(5)
     turns = Rotation.from_euler("xyz", rng.uniform(-30.0, 30.0, (8, 3)), degrees=True).as_matrix()

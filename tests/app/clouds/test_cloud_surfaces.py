@@ -11,7 +11,7 @@ import pytest
 import rasterio
 
 import furrowmap
-from furrowmap.core.pointclouds.clouds import open_clouds
+from furrowmap.core.pointclouds.joined_clouds import open_clouds
 from furrowmap.core.pointclouds.spool_clouds import cell_for, spool_clouds
 from furrowmap.core.pointclouds.surfaces import cloud_tiles
 from furrowmap.core.runtime.errors import Cancelled, InputError, Notice, RefusedError

@@ -16,7 +16,7 @@ import rasterio
 from pyproj import CRS, Transformer
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.pointclouds.clouds import open_clouds
+from furrowmap.core.pointclouds.joined_clouds import open_clouds
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.runtime.errors import InputError
 

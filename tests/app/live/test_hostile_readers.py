@@ -28,9 +28,9 @@ from furrowmap.workflows.live.feeds import FolderFeed, recorder_status
 from furrowmap.workflows.live.hosts import OwnHosts
 from furrowmap.workflows.live.live import LiveLog, thread_fault
 from furrowmap.workflows.live.mqtt import MqttOutlet
-from furrowmap.workflows.live.places import Places
+from furrowmap.workflows.live.reader_places import Places
 from furrowmap.workflows.live.server import Hub, PageServer, event, serve_lines
-from furrowmap.workflows.record.network import PCAP_HEAD
+from furrowmap.workflows.record.udp_packets import PCAP_HEAD
 from tests.app.obstacles import OBSTACLES, obstacle
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the addresses of the loopback are those of Linux")

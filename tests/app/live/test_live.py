@@ -37,7 +37,7 @@ from furrowmap.workflows.live.feeds import FolderFeed
 from furrowmap.workflows.live.live import Outlets, in_languages
 from furrowmap.workflows.live.nmea import sentences
 from furrowmap.workflows.live.server import QUEUED_MESSAGES, Hub, PageServer, Pictures, event, serve_lines
-from furrowmap.workflows.record.network import PCAP_HEAD, PCAP_RECORD
+from furrowmap.workflows.record.udp_packets import PCAP_HEAD, PCAP_RECORD
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

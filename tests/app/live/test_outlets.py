@@ -15,7 +15,7 @@ from pyproj import Transformer
 import furrowmap
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.values.session import Crs
-from furrowmap.workflows.live.background import BackgroundMap, open_background
+from furrowmap.workflows.live.background_map import BackgroundMap, open_background
 from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.server import Hub, PageServer
 

@@ -19,11 +19,11 @@ import pytest
 
 import furrowmap
 from furrowmap.core.readers.ouster.metadata import packet_bytes
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
+from furrowmap.workflows.record.recording_files import Storage
 from furrowmap.workflows.record.senders import MAX_SCANNERS, MAX_UNKNOWN, MAX_UNKNOWN_BYTES, Senders
 from furrowmap.workflows.record.series import Series, numbered_files
 from furrowmap.workflows.record.small_files import SmallFiles
-from furrowmap.workflows.record.storage import Storage
 from tests.app.obstacles import OBSTACLES, obstacle
 from tests.replay import replay
 

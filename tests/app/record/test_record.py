@@ -24,14 +24,14 @@ import pytest
 import furrowmap
 from furrowmap.core.readers.ouster.metadata import packet_bytes
 from furrowmap.core.runtime.errors import Notice, RefusedError
-from furrowmap.core.session.file import load_session
-from furrowmap.workflows.record.network import USUAL_PORTS, Port, ScannerNetwork
+from furrowmap.core.session.session_file import load_session
 from furrowmap.workflows.record.receivers import GnssReceiver
 from furrowmap.workflows.record.record import Told, open_ports
+from furrowmap.workflows.record.recording_files import Storage
 from furrowmap.workflows.record.senders import Senders
 from furrowmap.workflows.record.series import Series
 from furrowmap.workflows.record.small_files import SmallFiles
-from furrowmap.workflows.record.storage import Storage
+from furrowmap.workflows.record.udp_packets import USUAL_PORTS, Port, ScannerNetwork
 from furrowmap.workflows.record.watch import Watch
 from tests.replay import packets, replay, sentences
 

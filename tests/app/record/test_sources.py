@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 
 import furrowmap
 from furrowmap.core.runtime.errors import InputError, UsageError
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from furrowmap.workflows.record.gnss_source import GnssSource
-from furrowmap.workflows.record.network import ScannerNetwork
 from furrowmap.workflows.record.receivers import GnssReceiver
+from furrowmap.workflows.record.recording_files import Storage
 from furrowmap.workflows.record.senders import Senders
 from furrowmap.workflows.record.series import Series
 from furrowmap.workflows.record.small_files import SmallFiles
-from furrowmap.workflows.record.storage import Storage
+from furrowmap.workflows.record.udp_packets import ScannerNetwork
 from furrowmap.workflows.record.watch import Watch
 from tests.replay import replay
 

@@ -10,7 +10,7 @@ import pytest
 from pyproj import CRS
 
 import furrowmap
-from furrowmap.core.pointclouds.clouds import near_box, open_clouds
+from furrowmap.core.pointclouds.joined_clouds import near_box, open_clouds
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.values.session import FeatureSearch
 from furrowmap.workflows.run.feature_tool import run_features

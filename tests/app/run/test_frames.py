@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 import furrowmap
-from furrowmap.cli import run as run_command
+from furrowmap.cli import run_commands as run_command
 from furrowmap.cli.main import command_line
-from furrowmap.core.matching.ground import register_ground
+from furrowmap.core.matching.ground_registration import register_ground
 
 CHECKOUT = Path(furrowmap.__file__).resolve().parents[1]
 MAX_FRAMES = 12

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.pipeline.preview import PREVIEW_LENGTH_S, PREVIEW_PERIOD_S, preview_scans
+from furrowmap.core.pipeline.preview_story import PREVIEW_LENGTH_S, PREVIEW_PERIOD_S, preview_scans
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.velodyne.captures import VelodynePcap
 from furrowmap.core.values.scan import Scan

@@ -20,8 +20,8 @@ from pyproj import CRS
 
 import furrowmap
 from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.session.file import load_session
-from furrowmap.exporters.cloud.file import las_wkt
+from furrowmap.core.session.session_file import load_session
+from furrowmap.exporters.cloud.copc_file import las_wkt
 from furrowmap.workflows.run.run import SPACE
 
 SCANS_S = 1_453_364_282.341

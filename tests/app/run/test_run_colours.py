@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from furrowmap.core.images.frames import Frames
+from furrowmap.core.images.image_frames import Frames
 from furrowmap.core.pipeline import place
 from furrowmap.core.pipeline.solution import FirstGuess
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import Located

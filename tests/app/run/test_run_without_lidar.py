@@ -14,10 +14,10 @@ import furrowmap
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.run import run
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.session.session_file import parse_session
 from tests.core.coverage.section_tasks import CRS, drawn_drill, straight_boom
 
 SESSION = """furrowmap = 1

@@ -35,8 +35,8 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import HEIGHT_BAND, STANDARD_ERROR_BAND, Band, with_heights
 from furrowmap.workflows.season import season as season_module
 from furrowmap.workflows.season.season import SeasonPlan, _lost, plan_tiles
-from furrowmap.workflows.season.sources import find_sessions
-from furrowmap.workflows.season.tasks import SessionTables, write_part
+from furrowmap.workflows.season.season_sources import find_sessions
+from furrowmap.workflows.season.season_tasks import SessionTables, write_part
 from tests.app.files_server import served
 from tests.exporters.rasters.written_cogs import write_cog
 

@@ -11,8 +11,8 @@ import pytest
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.session.file import load_session
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.session.session_file import load_session
 
 
 @pytest.fixture

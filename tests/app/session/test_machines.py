@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.machine import LearnedMounting, learned, load_machine, machine_text, parse_machine
+from furrowmap.core.session.machine_file import LearnedMounting, learned, load_machine, machine_text, parse_machine
 from furrowmap.core.session.opened import resolve
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.values.machine import (
     NOT_SHOWN_DEG,
     Calibrated,

@@ -15,12 +15,12 @@ from furrowmap import InputError
 from furrowmap.cli.main import attempt
 from furrowmap.core.implement.saved import load_implement, save_implement
 from furrowmap.core.live.difference import LIVE_LOG, live_difference
-from furrowmap.core.readers.boundary import read_fields
-from furrowmap.core.readers.spinning.model import AngleTable
+from furrowmap.core.readers.boundary_file import read_fields
+from furrowmap.core.readers.spinning.scanner_model import AngleTable
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.file_names import found_beside
-from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.values.session import EXAMPLES
 from furrowmap.workflows.live.feeds import recorder_status
 from tests.app.obstacles import OBSTACLES, obstacle

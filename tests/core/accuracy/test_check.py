@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.accuracy.check import Component, HeldHeights, check_product
 from furrowmap.core.accuracy.point_check import surface_at_points
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.accuracy.product_check import Component, HeldHeights, check_product
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 

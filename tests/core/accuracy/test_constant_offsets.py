@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.accuracy.evaluation import offset_notices
-from furrowmap.core.accuracy.receivers import evaluate_logs
+from furrowmap.core.accuracy.receiver_logs import evaluate_logs
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.rotation import compass_direction
 

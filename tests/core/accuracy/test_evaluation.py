@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
 from furrowmap.core.accuracy.evaluation import Continuity, ErrorStatistics, Evaluation, evaluate, match, outliers, table
-from furrowmap.core.accuracy.receivers import evaluate_logs
+from furrowmap.core.accuracy.receiver_logs import evaluate_logs
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.aiding import Gyroscopes
-from furrowmap.core.adjustment.inertial import Site
+from furrowmap.core.adjustment.imu_aiding import Gyroscopes
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, Knots
+from furrowmap.core.adjustment.preintegration import Site
 from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.trajectory import Trajectory
 

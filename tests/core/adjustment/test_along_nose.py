@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from furrowmap.core.adjustment.banded import NormalEquations
-from furrowmap.core.adjustment.inertial import exponential
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, Chain, Knots, State
+from furrowmap.core.adjustment.preintegration import exponential
 from furrowmap.core.adjustment.vehicle import AXLE_BEHIND, ON_WHEELS, TRAVEL_YAW, AlongNose
 from furrowmap.core.values.rotation import wrap_deg
 

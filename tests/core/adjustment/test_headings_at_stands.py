@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.adjustment.knots import knots_over
-from furrowmap.core.adjustment.positions import headings_at_stands
+from furrowmap.core.adjustment.position_observations import headings_at_stands
 from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 

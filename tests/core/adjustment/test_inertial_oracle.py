@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.banded import NormalEquations
-from furrowmap.core.adjustment.inertial import (
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, Chain, Knots, State, normal_equations
+from furrowmap.core.adjustment.position_observations import AntennaPositions, GnssDrift
+from furrowmap.core.adjustment.preintegration import (
     FORCE_BIAS,
     INERTIAL,
     MIN_WAY_SIGMA_M,
@@ -20,8 +22,6 @@ from furrowmap.core.adjustment.inertial import (
     Site,
     increments,
 )
-from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, Chain, Knots, State, normal_equations
-from furrowmap.core.adjustment.positions import AntennaPositions, GnssDrift
 from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.inertial import InertialTrack, inertial_noise
 

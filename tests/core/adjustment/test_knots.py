@@ -20,7 +20,7 @@ from furrowmap.core.adjustment.knots import (
     start_from,
     turns,
 )
-from furrowmap.core.pointclouds.placed import Placer
+from furrowmap.core.pointclouds.placed_scans import Placer
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude

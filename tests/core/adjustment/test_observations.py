@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.banded import HUBER_SIGMAS, NormalEquations, huber_weight
 from furrowmap.core.adjustment.knots import GNSS_DRIFT, KNOT_STEP_S, VEHICLE, Knots, State, knots_over, normal_equations
-from furrowmap.core.adjustment.positions import (
+from furrowmap.core.adjustment.position_observations import (
     ANTENNA_HEADING_CORRELATION_S,
     ANTENNA_HEADING_SIGMA_RAD,
     AntennaPositions,
     RecordedHeadings,
 )
-from furrowmap.core.adjustment.registration import Registration, SliceSums
+from furrowmap.core.adjustment.registered_returns import Registration, SliceSums
 from furrowmap.core.adjustment.vehicle import (
     ACCELERATION,
     HEAVE,

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.adjustment.coarse import CoarseKnots, coarse_right, fine_step
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, Knots, State, knots_over, normal_equations, start_from
 from furrowmap.core.adjustment.vehicle import wheeled_vehicle
+from furrowmap.core.matching.gauss_newton import crab_equations
 from furrowmap.core.matching.matched import information_of
-from furrowmap.core.matching.steps import crab_equations
 from furrowmap.core.runtime import arrays
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.trajectory import trajectory_from_attitude

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.inertial import exponential, increments
+from furrowmap.core.adjustment.preintegration import exponential, increments
 
 RATE = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 FORCE = st.tuples(*[st.floats(-20.0, 20.0)] * 3)

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from furrowmap.core.coregistration.network import adjust_network, interpolate_left_error
 from furrowmap.core.coregistration.pair_tie import LEVEL_TERMS, PLACE_TERMS, GroundPair, PairTie, tie_pair, tie_points
-from furrowmap.core.crops.soil import HeightCovariance, SoilCells
+from furrowmap.core.coregistration.tie_network import adjust_network, interpolate_left_error
+from furrowmap.core.crops.bare_soil import HeightCovariance, SoilCells
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.moved_surface import move_surface
 

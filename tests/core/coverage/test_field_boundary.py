@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.coverage.boundary import field_boundary, held_against_boundary
+from furrowmap.core.coverage.field_boundary import field_boundary, held_against_boundary
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.session import Crs

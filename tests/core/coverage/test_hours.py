@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.coverage.ground import Hours, hours
+from furrowmap.core.coverage.worked_ground import Hours, hours
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.coverage.boundary import boundary_on_map
-from furrowmap.core.coverage.ground import missed_strips, unworked_places, worked_ground
+from furrowmap.core.coverage.field_boundary import boundary_on_map
+from furrowmap.core.coverage.worked_ground import missed_strips, unworked_places, worked_ground
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.session import Crs, Implement
 from tests.core.implement.drives_with_tool import FRAME, PLACE_M, sample, states_of, trajectory_of

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from furrowmap.core.coverage.ground import AreaFigure, WorkedGround, worked_ground
+from furrowmap.core.coverage.worked_ground import AreaFigure, WorkedGround, worked_ground
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from furrowmap.core.coverage.ground import WorkedGround, worked_ground
+from furrowmap.core.coverage.worked_ground import WorkedGround, worked_ground
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import trajectory_from_attitude

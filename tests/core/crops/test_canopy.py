@@ -7,7 +7,7 @@ import pytest
 import shapely
 from scipy.ndimage import gaussian_filter
 
-from furrowmap.core.crops.canopy import Canopy, canopy_top
+from furrowmap.core.crops.canopy_height import Canopy, canopy_top
 from furrowmap.core.crops.measure import parcel_figures
 from furrowmap.core.surfaces.grid import Grid
 

@@ -10,14 +10,7 @@ import rasterio
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.crops.dose_columns import column_words, dose_name, dose_unit, parcel_doses
-from furrowmap.core.crops.parcel_points import USUAL_NOISE_M, ParcelPoints
-from furrowmap.core.crops.parcels import inset_parcels
-from furrowmap.core.crops.published import grown_region
-from furrowmap.core.crops.response import fit_response
-from furrowmap.core.crops.response_values import ResponseQuestion
-from furrowmap.core.crops.site_soil import open_soil_raster, soil_around
-from furrowmap.core.crops.soil import (
+from furrowmap.core.crops.bare_soil import (
     MIN_SOIL_CELLS,
     HeightCovariance,
     SoilCells,
@@ -25,6 +18,13 @@ from furrowmap.core.crops.soil import (
     noise_in_pixels,
     without_crop,
 )
+from furrowmap.core.crops.dose_columns import column_words, dose_name, dose_unit, parcel_doses
+from furrowmap.core.crops.dose_response import fit_response
+from furrowmap.core.crops.parcel_areas import inset_parcels
+from furrowmap.core.crops.parcel_points import USUAL_NOISE_M, ParcelPoints
+from furrowmap.core.crops.published import grown_region
+from furrowmap.core.crops.response_values import ResponseQuestion
+from furrowmap.core.crops.site_soil import open_soil_raster, soil_around
 from furrowmap.core.features.classification import colour_segments
 from furrowmap.core.features.neighbours import MAX_COLUMNS, sort_into_columns
 from furrowmap.core.runtime.errors import InputError

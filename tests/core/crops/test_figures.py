@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from furrowmap.core.crops.canopy import Canopy, Penetration
+from furrowmap.core.crops.canopy_height import Canopy, Penetration
 from furrowmap.core.crops.measure import parcel_figures
 from furrowmap.core.crops.pixels import PixelReturns
 from furrowmap.core.surfaces.grid import Grid

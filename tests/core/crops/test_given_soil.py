@@ -12,8 +12,8 @@ import shapely
 from pyproj import CRS, Transformer
 from rasterio.transform import from_origin
 
+from furrowmap.core.crops.bare_soil import SoilCells, soil_cells
 from furrowmap.core.crops.site_soil import SiteSoil, SurveyedSoil, align_survey, open_soil_raster, soil_around
-from furrowmap.core.crops.soil import SoilCells, soil_cells
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pyproj import CRS
 from shapely.affinity import rotate, translate
 
-from furrowmap.core.crops.parcels import inset_parcels, read_parcels
+from furrowmap.core.crops.parcel_areas import inset_parcels, read_parcels
 from furrowmap.core.runtime.errors import InputError
 
 MAP = CRS.from_epsg(25832)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.crops.canopy import Penetration, estimate_penetration, l_moments_of
+from furrowmap.core.crops.canopy_height import Penetration, estimate_penetration, l_moments_of
 from furrowmap.core.crops.pixels import MAX_RANK, pixel_halves, pixel_returns
 from furrowmap.core.surfaces.grid import Grid
 

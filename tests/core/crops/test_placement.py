@@ -7,7 +7,7 @@ import pytest
 import shapely
 from shapely.affinity import scale, translate
 
-from furrowmap.core.crops.placement import parcel_shift, parcels_elsewhere
+from furrowmap.core.crops.parcel_placement import parcel_shift, parcels_elsewhere
 from furrowmap.core.readers.areas.rings import pixels_in
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.parcel import Parcel

@@ -16,7 +16,7 @@ from pyproj import CRS, Geod, Transformer
 
 from furrowmap import Place, plots
 from furrowmap.cli.main import command_line
-from furrowmap.core.crops.parcels import plot_grid, read_parcels
+from furrowmap.core.crops.parcel_areas import plot_grid, read_parcels
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.plot_grid import PlotGrid
 

@@ -16,9 +16,9 @@ from scipy.optimize import curve_fit, minimize
 from statsmodels.formula.api import ols
 from statsmodels.tools.eval_measures import aicc
 
-from furrowmap.core.crops.growth import growth_of
+from furrowmap.core.crops.dose_response import fit_response
+from furrowmap.core.crops.growth_between import growth_of
 from furrowmap.core.crops.permuted_response import p_of_no_response
-from furrowmap.core.crops.response import fit_response
 from furrowmap.core.crops.response_models import MODEL_NAMES, ModelName
 from furrowmap.core.crops.response_profile import Observations, fit_model
 from furrowmap.core.crops.response_values import Response, ResponseQuestion

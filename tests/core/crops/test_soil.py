@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
-from furrowmap.core.crops.site_soil import soil_around
-from furrowmap.core.crops.soil import (
+from furrowmap.core.crops.bare_soil import (
     MAX_SOIL_CELLS,
     HeightCovariance,
     SoilCells,
@@ -20,6 +18,8 @@ from furrowmap.core.crops.soil import (
     soil_cells,
     without_crop,
 )
+from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
+from furrowmap.core.crops.site_soil import soil_around
 from furrowmap.core.values.parcel import Parcel
 
 GROSS = shapely.box(0.0, 0.0, 10.0, 2.5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.crops.soil import SoilCells, noise_in_pixels, soil_cells, without_crop
+from furrowmap.core.crops.bare_soil import SoilCells, noise_in_pixels, soil_cells, without_crop
 
 FloatArray = NDArray[np.float64]
 

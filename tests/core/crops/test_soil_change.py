@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.crops.growth import MIN_COMMON_CELLS, joined_cells, soil_change
-from furrowmap.core.crops.soil import SOIL_CELL_M, SoilCells
+from furrowmap.core.crops.bare_soil import SOIL_CELL_M, SoilCells
+from furrowmap.core.crops.growth_between import MIN_COMMON_CELLS, joined_cells, soil_change
 from furrowmap.core.values.parcel import Parcel
 
 EAST, NORTH = 651_500.0, 6_133_880.0

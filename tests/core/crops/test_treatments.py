@@ -11,7 +11,7 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.crops.trial_tables import read_treatments, with_treatments
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel

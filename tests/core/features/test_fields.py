@@ -9,7 +9,7 @@ import pytest
 from benchmarks.fields import CROPS, field, judge
 from benchmarks.yards import Kind, Yard
 from furrowmap.core.features.ground_surface import heights_above_ground
-from furrowmap.core.surfaces.ground import classify_ground
+from furrowmap.core.surfaces.ground_filter import classify_ground
 
 
 @cache

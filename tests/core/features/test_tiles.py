@@ -15,7 +15,7 @@ from furrowmap.core.features import cloud_features
 from furrowmap.core.features.cloud_features import FoundFeatures, classify_features
 from furrowmap.core.features.objects import LineObject, is_rim, join_planes
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import open_clouds
+from furrowmap.core.pointclouds.joined_clouds import open_clouds
 
 LENGTH_M = 44.0
 CELL_M = 0.06

@@ -20,7 +20,7 @@ from furrowmap.core.features.classification import (
     vote_classes,
 )
 from furrowmap.core.features.objects import PlanePiece, join_planes, outline_plane, plane_foot, plants
-from furrowmap.core.surfaces.ground import classify_ground
+from furrowmap.core.surfaces.ground_filter import classify_ground
 
 CELL_M = 0.06
 

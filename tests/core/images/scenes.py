@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from furrowmap.core.images.frames import FramePoses, Frames
-from furrowmap.core.images.projection import unproject
+from furrowmap.core.images.image_frames import FramePoses, Frames
+from furrowmap.core.images.pinhole import unproject
 from furrowmap.core.values.camera import Camera
 
 FloatArray = NDArray[np.float64]

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.images.block_adjustment import ImageBlock, Known, adjust_block, adjusted_poses
-from furrowmap.core.images.frames import FramePoses, frame_poses
-from furrowmap.core.images.projection import inside, project
+from furrowmap.core.images.image_frames import FramePoses, frame_poses
+from furrowmap.core.images.pinhole import inside, project
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.camera import Camera

@@ -10,7 +10,7 @@ import pytest
 
 from furrowmap.core.images import colouring
 from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, Colours
-from furrowmap.core.images.frames import Frames, frames_along
+from furrowmap.core.images.image_frames import Frames, frames_along
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.camera import Camera

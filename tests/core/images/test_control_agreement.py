@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.images.aiding import ControlledBlock, with_control
 from furrowmap.core.images.block_adjustment import AdjustedBlock, adjust_block, adjusted_poses, place_by_images
 from furrowmap.core.images.control_agreement import agreement_of
 from furrowmap.core.images.control_points import ControlPoints
-from furrowmap.core.images.frames import frame_poses
+from furrowmap.core.images.image_aiding import ControlledBlock, with_control
+from furrowmap.core.images.image_frames import frame_poses
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.images import Images
 from tests.core.images.test_block_adjustment import NOISE_PX, SCALE, T_S, Flight, true_camera

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.images.frames import frame_poses
-from furrowmap.core.images.projection import project
+from furrowmap.core.images.image_frames import frame_poses
+from furrowmap.core.images.pinhole import project
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 

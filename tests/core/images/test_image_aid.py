@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from furrowmap.core.images.aiding import ImageAid, aid_by_images
 from furrowmap.core.images.control_points import ControlPoints
-from furrowmap.core.images.frames import frame_poses
-from furrowmap.core.images.projection import unproject
+from furrowmap.core.images.image_aiding import ImageAid, aid_by_images
+from furrowmap.core.images.image_frames import frame_poses
+from furrowmap.core.images.pinhole import unproject
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.trajectory.located import Located
@@ -22,7 +22,7 @@ from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.margins import with_margin
-from furrowmap.exporters.reports.pages import render
+from furrowmap.exporters.reports.html_pages import render
 from tests.core.images.test_block_adjustment import DELAY_S, NODES_S, SCALE, STATED, TRUE_TURN, Flight, true_camera
 
 pytest.importorskip("cv2")

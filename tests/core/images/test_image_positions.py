@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.images.frames import frame_poses
+from furrowmap.core.images.image_frames import frame_poses
 from furrowmap.core.images.image_positions import held_against_images
 from furrowmap.core.pipeline.session_aid import positions_on_map
 from furrowmap.core.runtime.arrays import FloatArray

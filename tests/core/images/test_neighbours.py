@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.images.frames import FramePoses
-from furrowmap.core.images.projection import inside, unproject
+from furrowmap.core.images.image_frames import FramePoses
+from furrowmap.core.images.pinhole import inside, unproject
 from furrowmap.core.images.ties import overlapping, seen_in
 from furrowmap.core.values.camera import Camera
 

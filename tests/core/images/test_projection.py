@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.images.projection import inside, project, unproject
+from furrowmap.core.images.pinhole import inside, project, unproject
 from furrowmap.core.values.camera import Camera
 
 WIDE = Camera(800, 600, 661.4, 661.9, 402.7, 296.1, k1=-0.082, k2=0.011)

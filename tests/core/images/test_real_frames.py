@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, decode_frames
-from furrowmap.core.images.frames import frames_along
-from furrowmap.core.images.projection import inside, project
+from furrowmap.core.images.image_frames import frames_along
+from furrowmap.core.images.pinhole import inside, project
 from furrowmap.core.pipeline.solution import ground_scale
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.trajectory import trajectory_from_attitude

@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.images.balance import MIN_OBSERVATIONS, balance_frames
-from furrowmap.core.images.frames import FramePoses, Frames
-from furrowmap.core.images.projection import project
+from furrowmap.core.images.image_frames import FramePoses, Frames
+from furrowmap.core.images.pinhole import project
 from furrowmap.core.images.visibility import CELL_PX, SLACK_CELLS, Visibility, VisibilityMaker, widen_depth
 
 from .scenes import CAMERA, HEIGHT_M

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
-from furrowmap.core.implement.model import Hint, Learned
 from furrowmap.core.implement.near_scans import NearScans
+from furrowmap.core.implement.seen_implement import Hint, Learned
 from furrowmap.core.implement.states import ToolHistory, tool_history
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.reader import ReadOptions, open_recording
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.values.session import Crs, Session
 from furrowmap.core.values.tool_states import ToolStates

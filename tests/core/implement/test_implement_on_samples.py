@@ -9,11 +9,11 @@ import pytest
 
 from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
-from furrowmap.core.implement.model import Hint
 from furrowmap.core.implement.near_scans import NearScans
+from furrowmap.core.implement.seen_implement import Hint
 from furrowmap.core.implement.states import tool_history
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.tool_states import ToolState

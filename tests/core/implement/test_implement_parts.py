@@ -14,8 +14,8 @@ from numba import njit
 
 from furrowmap.core.implement import learning
 from furrowmap.core.implement.learning import Found
-from furrowmap.core.implement.model import CELL_Z_M, Hint, SideTemplate, SideViewGrid, fit_height
 from furrowmap.core.implement.near_scans import IMAGE_COLUMNS, MAX_NEAR_SCANS, NearScans, column_of, median_image
+from furrowmap.core.implement.seen_implement import CELL_Z_M, Hint, SideTemplate, SideViewGrid, fit_height
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.tool_states import ToolState

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.implement.machine import isolated
+from furrowmap.core.implement.machine_voxels import isolated
 from furrowmap.core.values.scan import Scan
 
 

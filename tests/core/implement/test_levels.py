@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from furrowmap.core.implement.levels import find_positions
-from furrowmap.core.implement.model import Levels, SideViewGrid
 from furrowmap.core.implement.near_scans import NearScan
+from furrowmap.core.implement.seen_implement import Levels, SideViewGrid
 from furrowmap.core.implement.views import SEARCH_M, Heights, Views
 from furrowmap.core.values.tool_states import ToolState
 

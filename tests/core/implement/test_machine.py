@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.implement.learning import learn_implement
-from furrowmap.core.implement.machine import MachineVoxels, learn_machine
+from furrowmap.core.implement.machine_voxels import MachineVoxels, learn_machine
 from furrowmap.core.implement.near_scans import NearScans
-from furrowmap.core.pointclouds.placed import unclassified
+from furrowmap.core.pointclouds.placed_scans import unclassified
 from furrowmap.core.values.scan import PointClass, Scan
 
 from .conftest import BODY, HINT, MOUNTING, REACH, Box, Scene

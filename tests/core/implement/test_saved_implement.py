@@ -13,7 +13,7 @@ import pytest
 from furrowmap.core.coverage.field_work import ImplementTracker
 from furrowmap.core.implement.saved import load_implement, save_implement
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import trajectory_from_attitude

@@ -13,7 +13,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.implement.heights import ToolHeights
-from furrowmap.core.implement.model import DepthImages, Levels, Region, SeenImplement, SideTemplate, SideViewGrid
+from furrowmap.core.implement.seen_implement import (
+    DepthImages,
+    Levels,
+    Region,
+    SeenImplement,
+    SideTemplate,
+    SideViewGrid,
+)
 from furrowmap.core.implement.states import ToolHistory, tool_history
 from furrowmap.core.values.tool_states import ToolState
 

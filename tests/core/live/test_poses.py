@@ -14,7 +14,7 @@ from furrowmap.core.live.poses import LivePose, LivePoses
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.motion import STANDING_MPS
+from furrowmap.core.trajectory.vehicle_motion import STANDING_MPS
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory

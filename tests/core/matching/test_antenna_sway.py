@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, VEHICLE, State, knots_over
-from furrowmap.core.adjustment.positions import AntennaPositions
+from furrowmap.core.adjustment.position_observations import AntennaPositions
 from furrowmap.core.matching.antenna_sway import AntennaSway, antenna_sway
 from furrowmap.core.values.gnss import Positions
 

@@ -12,7 +12,7 @@ from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.coarse import CoarseKnots, fine_step
 from furrowmap.core.adjustment.covariance import Considered
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, VEHICLE, State, knots_over
-from furrowmap.core.matching.ground import CORRELATED
+from furrowmap.core.matching.ground_registration import CORRELATED
 from furrowmap.core.matching.matched import AROUND_S, information_of, sigmas, sources_of
 from furrowmap.core.matching.problem import Linearised
 

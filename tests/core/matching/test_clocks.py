@@ -19,7 +19,7 @@ from furrowmap.core.matching.placing import Sensor
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.matching.session_match import match_session
 from furrowmap.core.pipeline.run import run
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.opened import OpenSession, open_session

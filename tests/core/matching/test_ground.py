@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.coarse import CoarseGrid
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, Chain
-from furrowmap.core.adjustment.registration import Patches
-from furrowmap.core.matching.ground import (
+from furrowmap.core.adjustment.registered_returns import Patches
+from furrowmap.core.matching.ground_registration import (
     CORRELATED,
     NOISE_M,
     ChainPoses,
@@ -22,7 +22,7 @@ from furrowmap.core.matching.ground import (
     Relief,
     register_ground,
 )
-from furrowmap.core.matching.surface import HeightGrid, add_returns, empty_surface, tiles_over
+from furrowmap.core.matching.height_grid import HeightGrid, add_returns, empty_surface, tiles_over
 
 FloatArray = NDArray[np.float64]
 Ground = Callable[[FloatArray], FloatArray]

@@ -9,10 +9,9 @@ import scipy.sparse
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.aiding import AIDED, GYRO_SCALE, InertialAttitudes
-from furrowmap.core.adjustment.aiding import MISALIGNMENT as IMU_ASKEW
 from furrowmap.core.adjustment.banded import BandedSolution
-from furrowmap.core.adjustment.inertial import RATE_BIAS
+from furrowmap.core.adjustment.imu_aiding import AIDED, GYRO_SCALE, InertialAttitudes
+from furrowmap.core.adjustment.imu_aiding import MISALIGNMENT as IMU_ASKEW
 from furrowmap.core.adjustment.knots import (
     VEHICLE,
     Knots,
@@ -23,16 +22,17 @@ from furrowmap.core.adjustment.knots import (
     normal_equations,
     start_from,
 )
+from furrowmap.core.adjustment.preintegration import RATE_BIAS
 from furrowmap.core.adjustment.vehicle import wheeled_vehicle
 from furrowmap.core.matching.problem import Iterate, Problem
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.matching.solve import solve
+from furrowmap.core.matching.schedule import solve
 from furrowmap.core.simulator.drive import drive_path, plan_path
-from furrowmap.core.simulator.motion import stand_on
+from furrowmap.core.simulator.machine_motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField
 from furrowmap.core.simulator.site import lay_out
-from furrowmap.core.simulator.soil import find_sweeps, make_ground
+from furrowmap.core.simulator.soil_over_time import find_sweeps, make_ground
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere, trajectory_from_attitude

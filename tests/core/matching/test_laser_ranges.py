@@ -10,7 +10,7 @@ from furrowmap.core.matching.laser_ranges import MIN_LASER_RETURNS, ranges_of
 from furrowmap.core.matching.matched import matched_by, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.matching.solve import solve
+from furrowmap.core.matching.schedule import solve
 from furrowmap.core.values.scan import MAX_LASERS, LaserRanges, Scan, shortened
 from tests.core.conftest import Recording
 

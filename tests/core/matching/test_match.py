@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from furrowmap.core.matching.matched import Matched, matched_by, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns, ground_returns
-from furrowmap.core.matching.solve import solve
+from furrowmap.core.matching.schedule import solve
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.trajectory import SIGMA_NAMES, Motion, Trajectory
 from tests.core.conftest import Recording

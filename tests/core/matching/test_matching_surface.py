@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from furrowmap.core.matching.surface import (
+from furrowmap.core.matching.height_grid import (
     TILE_NODES,
     HeightGrid,
     TilePassage,

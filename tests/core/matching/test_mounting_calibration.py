@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.knots import VEHICLE, Knots, State, knots_over, normal_equations
 from furrowmap.core.adjustment.vehicle import wheeled_vehicle
+from furrowmap.core.matching.gauss_newton import crab_equations
+from furrowmap.core.matching.height_grid import HeightGrid, add_returns, empty_surface, heights, tiles_over
 from furrowmap.core.matching.matched import mounting_notices
 from furrowmap.core.matching.mounting_calibration import MountingCalibration, mounting_calibration
-from furrowmap.core.matching.steps import crab_equations
-from furrowmap.core.matching.surface import HeightGrid, add_returns, empty_surface, heights, tiles_over
 from furrowmap.core.matching.yaw_ambiguity import Facing
 from furrowmap.core.runtime.arrays import three
 from furrowmap.core.values.gnss import Positions

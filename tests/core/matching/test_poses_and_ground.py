@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.coarse import CoarseKnots, coarse_equations, fine_step
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, State, knots_over, place, turns
-from furrowmap.core.adjustment.registration import Patches, PatchStore, free_patches
-from furrowmap.core.matching.ground import ChainPoses, GroundSums, PlacedReturns, Relief, register_ground
-from furrowmap.core.matching.surface import add_returns, empty_surface, tiles_over
+from furrowmap.core.adjustment.registered_returns import Patches, PatchStore, free_patches
+from furrowmap.core.matching.ground_registration import ChainPoses, GroundSums, PlacedReturns, Relief, register_ground
+from furrowmap.core.matching.height_grid import add_returns, empty_surface, tiles_over
 
 FloatArray = NDArray[np.float64]
 
@@ -264,7 +264,7 @@ def test_stored__patches_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
         Patches(*(rng.integers(0, 9, (n, 3)), rng.integers(0, 9, n)), *(rng.normal(size=(n, k)) for k in (21, 21, 6)))
         for n in (2, 0, 3, 1, 4, 2)
     ]
-    monkeypatch.setattr("furrowmap.core.adjustment.registration.MIN_STORED_ROWS", 5)
+    monkeypatch.setattr("furrowmap.core.adjustment.registered_returns.MIN_STORED_ROWS", 5)
     store = PatchStore()
     for part in parts:
         store.add(part)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from furrowmap.core.matching.relative_mounting import FirstScanner, relative_mounting
-from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import trajectory_from_attitude

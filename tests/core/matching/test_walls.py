@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.adjustment.banded import NormalEquations
 from furrowmap.core.adjustment.coarse import CoarseGrid, CoarseKnots, coarse_equations
 from furrowmap.core.adjustment.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, State
-from furrowmap.core.adjustment.registration import Patches, SliceSums, free_patches
-from furrowmap.core.matching.ground import ChainPoses
+from furrowmap.core.adjustment.registered_returns import Patches, SliceSums, free_patches
+from furrowmap.core.matching.ground_registration import ChainPoses
 from furrowmap.core.matching.walls import (
     MAX_WALL_RANGE_M,
     MIN_WALL_SIGMA_M,

@@ -15,7 +15,7 @@ import pytest
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.run import run
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.errors import Cancelled, InputError
 from furrowmap.core.session.opened import open_session
 

@@ -10,7 +10,7 @@ from furrowmap.core.matching.matched import Matched
 from furrowmap.core.matching.mounting_calibration import MountingCalibration
 from furrowmap.core.pipeline.run_result import unconfirmed_places
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import trajectory_from_attitude

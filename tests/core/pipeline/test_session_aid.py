@@ -9,15 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from furrowmap.core.images.aiding import (
-    ControlledBlock,
-    aid_by_images,
-    camera_notices,
-    contradicting,
-    doubtful,
-    notices_beside,
-    with_control,
-)
 from furrowmap.core.images.block_adjustment import (
     AdjustedBlock,
     ImageBlock,
@@ -26,7 +17,16 @@ from furrowmap.core.images.block_adjustment import (
     adjusted_poses,
 )
 from furrowmap.core.images.control_points import ControlPoints, control_views
-from furrowmap.core.images.frames import frame_poses
+from furrowmap.core.images.image_aiding import (
+    ControlledBlock,
+    aid_by_images,
+    camera_notices,
+    contradicting,
+    doubtful,
+    notices_beside,
+    with_control,
+)
+from furrowmap.core.images.image_frames import frame_poses
 from furrowmap.core.images.ties import overlapping
 from furrowmap.core.pipeline import session_aid
 from furrowmap.core.pipeline.session_aid import read_pixels

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from furrowmap.core.pointclouds.placed import PlacedScan, Placer, place_scans
+from furrowmap.core.pointclouds.placed_scans import PlacedScan, Placer, place_scans
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Motion, trajectory_from_attitude

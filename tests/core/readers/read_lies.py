@@ -19,7 +19,7 @@ from furrowmap.core.readers.image_pixels import read_pixels
 from furrowmap.core.readers.las.cloud import open_cloud, survey
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from tests.fuzz.reading import inspect_recording, read_recording
 
 

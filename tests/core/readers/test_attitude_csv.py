@@ -15,8 +15,8 @@ from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.rosbag.bags import RosBag2
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
-from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.proposal import propose_session
+from furrowmap.core.session.session_file import parse_session
 from tests.core.readers.inertial_bags import imu, turning_imu
 from tests.core.readers.small_bags import T0_NS, write_bag2
 from tests.core.readers.test_imu_csv import HEAD as IMU_HEAD

@@ -11,7 +11,7 @@ import pytest
 import shapely
 from pyproj import Geod
 
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.readers.isoxml.content import open_task_sets, read_content
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError

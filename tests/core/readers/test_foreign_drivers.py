@@ -19,9 +19,9 @@ import rasterio
 from pyproj import CRS
 from shapely.geometry import box
 
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.readers.areas.area import read_area
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.ogr_layers import layer_info, list_layers, read_layer_arrays
 from furrowmap.core.readers.surveyed_points import read_points

@@ -122,7 +122,7 @@ def test_epochs__without_a_position_or_a_time_and_damage(tmp_path: Path) -> None
 def test_pieces__of_a_stream_are_joined(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     content = b"".join(b"".join(transmission(epoch(k), k)) for k in range(20))
     whole = log_of(tmp_path, content).track()
-    monkeypatch.setattr("furrowmap.core.readers.messages.MESSAGE_CHUNK_BYTES", 37)
+    monkeypatch.setattr("furrowmap.core.readers.framed_messages.MESSAGE_CHUNK_BYTES", 37)
     log = log_of(tmp_path, content)
     np.testing.assert_array_equal(log.track().t_s, whole.t_s)
     assert (len(whole), log.notices) == (20, [])

@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 
 from furrowmap.core.readers.hesai.captures import HESAI, HesaiPcap
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording
-from furrowmap.core.readers.spinning.clock import SensorClock
-from furrowmap.core.readers.spinning.decoder import PacketDecoder
+from furrowmap.core.readers.spinning.hour_clock import SensorClock
+from furrowmap.core.readers.spinning.packet_decoder import PacketDecoder
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan
 from tests.core.readers.hesai_packets import calibration, gps_packet, packet, turning

@@ -12,6 +12,7 @@ from pyproj import Geod
 
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers import implausible_positions as module
+from furrowmap.core.readers.framed_messages import find_frames
 from furrowmap.core.readers.implausible_positions import (
     MAX_FROM_MIDDLE_M,
     STRAY_ANCHORS,
@@ -21,7 +22,6 @@ from furrowmap.core.readers.implausible_positions import (
     spans_in_words,
     strays,
 )
-from furrowmap.core.readers.messages import find_frames
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions

@@ -13,7 +13,7 @@ import pytest
 
 from furrowmap.core.readers.line_csv import LineCsv
 from furrowmap.core.readers.reader import GivesTrack, ReadOptions, Recognised
-from furrowmap.core.readers.rosbag.storage import McapStorage
+from furrowmap.core.readers.rosbag.bag_storage import McapStorage
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from tests.core.readers.lies import FIXES, LIES, MB, mcap_head, mcap_record, packed, task_data
 

@@ -19,8 +19,8 @@ from furrowmap.core.readers.rosbag.bags import RosBag2
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
-from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.proposal import propose_session
+from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.values.scan import Scan
 from tests.core.readers.small_bags import ROS2, T0_NS, header, write_bag2
 

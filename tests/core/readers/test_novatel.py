@@ -10,7 +10,7 @@ from zlib import crc32
 import numpy as np
 import pytest
 
-from furrowmap.core.readers.messages import MessageCounts
+from furrowmap.core.readers.framed_messages import MessageCounts
 from furrowmap.core.readers.novatel.log import NovatelLog, scan_bytes
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.runtime.errors import InputError

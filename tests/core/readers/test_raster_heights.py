@@ -22,8 +22,8 @@ from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.crops.site_soil import open_soil_raster
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.farm.mosaic import write_mosaic
 from furrowmap.exporters.farm.surface_file import open_surface, surface_file
+from furrowmap.exporters.farm.surface_mosaic import write_mosaic
 from furrowmap.exporters.rasters.tied_surfaces import resample_surface
 from furrowmap.results import read_raster
 

@@ -6,8 +6,8 @@ import runpy
 from pathlib import Path
 
 from furrowmap.core.readers.reader import readers
-from furrowmap.core.readers.rosbag.clouds import FIELD_NAMES
-from furrowmap.core.readers.rosbag.messages import FIXED_SIGMA_M
+from furrowmap.core.readers.rosbag.cloud_messages import FIELD_NAMES
+from furrowmap.core.readers.rosbag.ros_messages import FIXED_SIGMA_M
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 PAGE = (CHECKOUT / "docs" / "reference" / "readers.md").read_text(encoding="utf-8")

@@ -16,8 +16,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from furrowmap.core.readers.isoxml.log import read_tasks
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
-from furrowmap.core.readers.rosbag.clouds import CloudScans
-from furrowmap.core.readers.rosbag.storage import BagMessage
+from furrowmap.core.readers.rosbag.bag_storage import BagMessage
+from furrowmap.core.readers.rosbag.cloud_messages import CloudScans
 from furrowmap.core.readers.states_csv import StatesCsv
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.tool_states import ToolState, ToolStates

@@ -21,8 +21,8 @@ import lz4.frame
 import pytest
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording
+from furrowmap.core.readers.rosbag.bag_storage import MAX_RECORD_BYTES, Damage, decompress_message, inflate
 from furrowmap.core.readers.rosbag.bags import BagFiles
-from furrowmap.core.readers.rosbag.storage import MAX_RECORD_BYTES, Damage, decompress_message, inflate
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan import Clock

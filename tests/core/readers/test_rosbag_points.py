@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import ReadOptions, open_recording
-from furrowmap.core.readers.rosbag.clouds import CloudScans
-from furrowmap.core.readers.rosbag.messages import deserialize
-from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.readers.rosbag.bag_storage import BagMessage, Damage
+from furrowmap.core.readers.rosbag.cloud_messages import CloudScans
+from furrowmap.core.readers.rosbag.ros_messages import deserialize
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Scan
 from tests.core.readers.small_bags import (

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
 
-from furrowmap.core.readers.messages import MessageCounts, find_frames, read_messages
+from furrowmap.core.readers.framed_messages import MessageCounts, find_frames, read_messages
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.sbf.log import SBF, SBF_LAYOUTS, SBF_NAMES, SbfLog
 from furrowmap.core.readers.source import Head, Source

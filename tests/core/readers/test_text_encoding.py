@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.crops.trial_tables import read_treatments
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.text_encoding import decoded, known_page

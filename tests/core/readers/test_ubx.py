@@ -12,7 +12,7 @@ import pyubx2
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.readers.messages import MessageCounts, find_frames, read_messages
+from furrowmap.core.readers.framed_messages import MessageCounts, find_frames, read_messages
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos

@@ -62,7 +62,7 @@ def test_binary__gives_what_was_written(tmp_path: Path) -> None:
 
 
 def test_binary__in_other_groups_and_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("furrowmap.core.readers.messages.MESSAGE_CHUNK_BYTES", 5000)
+    monkeypatch.setattr("furrowmap.core.readers.framed_messages.MESSAGE_CHUNK_BYTES", 5000)
     path = written(tmp_path, b"".join(grouped(k) for k in range(900)))
     track = VectorNavBinary([path], ReadOptions()).inertial()
     assert track.t_s == pytest.approx(BEGIN_S + 0.01 * np.arange(900), abs=1e-6)

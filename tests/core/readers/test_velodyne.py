@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from furrowmap.core.readers.reader import ReadOptions, open_recording
-from furrowmap.core.readers.spinning.clock import SensorClock
-from furrowmap.core.readers.spinning.decoder import PacketDecoder
+from furrowmap.core.readers.spinning.hour_clock import SensorClock
+from furrowmap.core.readers.spinning.packet_decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.captures import PACKET_BYTES, VELODYNE, VelodynePcap
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.spinning.clock import PositionPacket, SensorClock, settle
+from furrowmap.core.readers.spinning.hour_clock import PositionPacket, SensorClock, settle
 from furrowmap.core.values.scan import Clock
 from tests.core.readers.velodyne_packets import position_packet, rmc
 

@@ -11,8 +11,8 @@ from PIL import Image
 
 from furrowmap.core.runtime import file_names
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.session.camera import camera_of, images_of
-from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.session_camera import camera_of, images_of
+from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.values.session import CameraSource
 
 LEAST = 'furrowmap = 1\n[recording]\nlidar = ["a"]\ngnss = ["b"]\n[crs]\nmap = "EPSG:6677"\n'

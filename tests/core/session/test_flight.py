@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.session.flight import LOOKS, FlownMounting, levelling_rpy_deg
+from furrowmap.core.session.flight_mounting import LOOKS, FlownMounting, levelling_rpy_deg
 
 UP = np.array([0.0, 0.0, 1.0])
 

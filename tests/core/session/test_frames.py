@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.session.frames import direction_words
+from furrowmap.core.session.frame_tree import direction_words
 from furrowmap.exporters.reports.drawings import LINE_HEIGHT
 
 

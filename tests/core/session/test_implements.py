@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from furrowmap.core.coverage.field_work import ImplementTracker
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.session.file import apart, parse_session, together
-from furrowmap.core.session.machine import machine_of, machine_text, parse_machine
+from furrowmap.core.session.machine_file import machine_of, machine_text, parse_machine
 from furrowmap.core.session.proposal import implement_table
+from furrowmap.core.session.session_file import apart, parse_session, together
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Implement, Session
 from furrowmap.core.values.trajectory import trajectory_from_attitude

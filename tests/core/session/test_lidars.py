@@ -9,9 +9,9 @@ import pytest
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
-from furrowmap.core.session.file import parse_session, together
-from furrowmap.core.session.machine import machine_of, machine_text, parse_machine
+from furrowmap.core.session.machine_file import machine_of, machine_text, parse_machine
 from furrowmap.core.session.proposal import propose_session
+from furrowmap.core.session.session_file import parse_session, together
 from furrowmap.core.session.toml_edit import with_value
 from tests.core.readers import hesai_packets
 from tests.core.readers.velodyne_packets import frame, frames, turning, write_pcap

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
-from furrowmap.core.session.file import load_session, parse_session
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.session.proposal import FILL_IN, Proposal, common_folder, propose_session
+from furrowmap.core.session.session_file import load_session, parse_session
 from furrowmap.core.session.trial_files import TrialFiles
 from furrowmap.core.values.rotation import mounting_rotation
 from furrowmap.core.values.session import Session

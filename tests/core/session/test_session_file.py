@@ -10,9 +10,9 @@ import msgspec
 import pytest
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.session import file as module
-from furrowmap.core.session.file import FURTHER, load_session, parse_session
+from furrowmap.core.session import session_file as module
 from furrowmap.core.session.opened import resolve
+from furrowmap.core.session.session_file import FURTHER, load_session, parse_session
 from furrowmap.core.values import session as values
 from furrowmap.core.values.session import EXAMPLES, Session
 

@@ -7,7 +7,7 @@ import tomllib
 import pytest
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.session.file import parse_session, parse_toml
+from furrowmap.core.session.session_file import parse_session, parse_toml
 from furrowmap.core.simulator.scenario import scenario_from
 
 HOSTILE = ["a = " + "9" * 5000, "a = 0x" + "f" * 5000, "a = [9223372036854775808]", "a = " + "[" * 5000, "a = ="]

@@ -10,9 +10,9 @@ import pytest
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.drive import plan_path
-from furrowmap.core.simulator.gnss import FLOAT, receive
-from furrowmap.core.simulator.motion import SimulatedMotion
+from furrowmap.core.simulator.machine_motion import SimulatedMotion
 from furrowmap.core.simulator.scenario import Receiver, ScenarioDrive, scenario_from
+from furrowmap.core.simulator.simulated_receiver import FLOAT, receive
 from furrowmap.core.simulator.site import SimulatedSite
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "scenario.md").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
+from furrowmap.core.simulator.machine_motion import SimulatedMotion, mount_rotation
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.rays import Firings, Met, cast, make_optics, make_scene
 from furrowmap.core.simulator.recording import VLP16
@@ -30,7 +30,7 @@ from furrowmap.core.simulator.simulate_flight import (
     waypoints,
 )
 from furrowmap.core.simulator.site import SimulatedSite, find_site
-from furrowmap.core.simulator.soil import make_ground
+from furrowmap.core.simulator.soil_over_time import make_ground
 
 FloatArray = NDArray[np.float64]
 DOWN = """

@@ -17,11 +17,11 @@ from pynmeagps import NMEAReader
 from pyproj import Proj, Transformer
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.simulator.gnss import degrees_minutes, receive, sentence
-from furrowmap.core.simulator.motion import SimulatedMotion
+from furrowmap.core.simulator.machine_motion import SimulatedMotion
 from furrowmap.core.simulator.noise import gauss_markov
 from furrowmap.core.simulator.scenario import Receiver
 from furrowmap.core.simulator.simulate import Simulated
+from furrowmap.core.simulator.simulated_receiver import degrees_minutes, receive, sentence
 from furrowmap.core.simulator.site import SimulatedSite
 
 

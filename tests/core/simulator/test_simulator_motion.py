@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack
-from furrowmap.core.simulator.motion import mount_rotation, stand_on, tyre_height, vehicle_rotation
+from furrowmap.core.simulator.machine_motion import mount_rotation, stand_on, tyre_height, vehicle_rotation
 from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField, ScenarioSoil, Sway, Tractor
-from furrowmap.core.simulator.soil import Ground, make_ground
+from furrowmap.core.simulator.soil_over_time import Ground, make_ground
 
 ANGLE = st.floats(-1.4, 1.4)
 STILL = Sway(sway_deg=0.0, heave_m=0.0, vibration_deg=0.0)

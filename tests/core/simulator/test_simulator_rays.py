@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.motion import mount_rotation
+from furrowmap.core.simulator.machine_motion import mount_rotation
 from furrowmap.core.simulator.rays import Firings, Met, Returns, Scene, cast, make_optics, make_scene
 from furrowmap.core.simulator.recording import ELEVATION_DEG, VERTICAL_OFFSET_M, VLP16
 from furrowmap.core.simulator.scenario import (
@@ -22,7 +22,7 @@ from furrowmap.core.simulator.scenario import (
     ScenarioSoil,
     Tractor,
 )
-from furrowmap.core.simulator.soil import ToolSweep, make_ground
+from furrowmap.core.simulator.soil_over_time import ToolSweep, make_ground
 
 FLAT = ScenarioSoil(
     slope_percent=0.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.0, straw_share=0.0, tilled_sigma_m=0.0
@@ -94,7 +94,7 @@ def test_cast__rough_sloping_ground_is_met_on_its_surface() -> None:
     scene = scene_of(scenario)
     at = points(fired(scenario, scene=scene), 720)
     met = fired(scenario, scene=scene).met[0] == Met.SOIL
-    from furrowmap.core.simulator.soil import ground_height
+    from furrowmap.core.simulator.soil_over_time import ground_height
 
     e, n, z = at[met].T
     below = z - ground_height(scene.ground, e, n, np.zeros(len(e)))

@@ -21,7 +21,7 @@ from furrowmap.core.simulator.scenario import (
     scenario_from,
 )
 from furrowmap.core.simulator.site import CELL_M
-from furrowmap.core.simulator.soil import (
+from furrowmap.core.simulator.soil_over_time import (
     FOOTPRINT_M,
     ToolSweep,
     earlier_sweeps,

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.surfaces.ground import GroundMethod, Smrf, classify_ground, ground_cells, tiles
+from furrowmap.core.surfaces.ground_filter import GroundMethod, Smrf, classify_ground, ground_cells, tiles
 
 Scene: TypeAlias = tuple[NDArray[np.float64], NDArray[np.bool_]]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.trajectory.positions import climb_notices
+from furrowmap.core.trajectory.used_positions import climb_notices
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.session import Crs
 

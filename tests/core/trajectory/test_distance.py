@@ -9,7 +9,7 @@ import pytest
 
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import locate
-from furrowmap.core.trajectory.motion import distance_and_standing
+from furrowmap.core.trajectory.vehicle_motion import distance_and_standing
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 
 SCANS_S = {

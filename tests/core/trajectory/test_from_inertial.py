@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.knots import KNOT_STEP_S
-from furrowmap.core.adjustment.positions import RecordedHeadings
+from furrowmap.core.adjustment.position_observations import RecordedHeadings
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.session.opened import open_session

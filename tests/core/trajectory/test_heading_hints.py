@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.knots import KNOT_STEP_S
-from furrowmap.core.adjustment.positions import RecordedHeadings
+from furrowmap.core.adjustment.position_observations import RecordedHeadings
 from furrowmap.core.trajectory.heading_hints import HEADING_CHANGE_CORRELATION_S, Course, RecordedHeading
 
 FloatArray = NDArray[np.float64]

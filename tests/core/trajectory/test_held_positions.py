@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.held_positions import held_against_motion, measured_heights, without_held
-from furrowmap.core.trajectory.positions import positions_without_steps
+from furrowmap.core.trajectory.used_positions import positions_without_steps
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 FloatArray = NDArray[np.float64]

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.runtime.errors import InputError, RefusedError
-from furrowmap.core.session.file import load_session
+from furrowmap.core.session.session_file import load_session
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.kinematic import outliers
-from furrowmap.core.trajectory.positions import fixes_from_labels
+from furrowmap.core.trajectory.used_positions import fixes_from_labels
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.session import Crs

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.trajectory.motion import find_motion, local_velocity
+from furrowmap.core.trajectory.vehicle_motion import find_motion, local_velocity
 from tests.core.trajectory.drives import FISHTAIL, drive
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.pipeline.notices import refuse_empty
-from furrowmap.core.pointclouds.placed import Placement, Placer
+from furrowmap.core.pointclouds.placed_scans import Placement, Placer
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.located import Located

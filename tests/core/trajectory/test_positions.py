@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
-from furrowmap.core.trajectory.positions import (
+from furrowmap.core.trajectory.used_positions import (
     WHITE_SHARE,
     judge_rate,
     jumps,

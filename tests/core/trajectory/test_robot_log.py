@@ -18,7 +18,7 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rosbag.bags import RosBag1
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
 from furrowmap.core.trajectory.inertial_start import Hints, MountedImu
-from furrowmap.core.trajectory.positions import climb_notices
+from furrowmap.core.trajectory.used_positions import climb_notices
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.rotation import Mounting, wrap_deg

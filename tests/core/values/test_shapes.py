@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from furrowmap.core.session.file import parse_toml
+from furrowmap.core.session.session_file import parse_toml
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack

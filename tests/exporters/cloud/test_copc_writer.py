@@ -29,9 +29,9 @@ from pyproj import CRS
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.runtime.write_errors import WriteError
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.exporters.cloud.file import CopcFormat
+from furrowmap.exporters.cloud.copc_file import CopcFormat
 from furrowmap.exporters.cloud.layers import ChunkColumns
-from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.point_batches import PointBatch
 from furrowmap.exporters.cloud.writer import MIN_NODE_POINTS, CopcSummary, CopcWriter, _check
 
 ORIGIN_M = (16_600.0, 96_500.0, 270.0)
@@ -512,8 +512,8 @@ WRITE_MANY = """
 import resource, sys
 from pathlib import Path
 import numpy as np
-from furrowmap.exporters.cloud.file import CopcFormat
-from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.copc_file import CopcFormat
+from furrowmap.exporters.cloud.point_batches import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 path, wkt, batches = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 random = np.random.default_rng(0)

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.exporters.cloud.points import pack_points
+from furrowmap.exporters.cloud.point_batches import pack_points
 
 
 @given(st.permutations(range(9)), st.integers(1, 15))

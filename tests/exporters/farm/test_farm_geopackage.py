@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 from pyproj import CRS
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.exporters.farm import geopackage
+from furrowmap.exporters.farm import farm_geopackage as geopackage
 from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
 from tests.exporters.farm.processes import adders, ask, ended
 from tests.exporters.farm.result_folders import coverage, write_result

@@ -11,7 +11,7 @@ import pytest
 
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.progress import silent
-from furrowmap.exporters.farm.geopackage import exclusive
+from furrowmap.exporters.farm.farm_geopackage import exclusive
 
 
 def test_lock__is_held_by_one_process_and_its_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

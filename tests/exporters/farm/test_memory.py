@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.exporters.farm.memory import SESSION_COLUMNS, Sessions, memory_layers, season_of
+from furrowmap.exporters.farm.farm_memory_tables import SESSION_COLUMNS, Sessions, memory_layers, season_of
 from furrowmap.exporters.vectors.field_layers import Layer, geometry_array
 
 TEXTS = {"session", "name", "implement", "machine", "field_name"}

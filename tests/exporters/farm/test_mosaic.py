@@ -18,7 +18,7 @@ from rio_cogeo import cog_validate
 
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.farm.mosaic import write_mosaic
+from furrowmap.exporters.farm.surface_mosaic import write_mosaic
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import windows
 from furrowmap.exporters.rasters.cog import COUNT_BAND, HEIGHT_BAND, with_heights

@@ -13,7 +13,7 @@ from pyproj import CRS
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.farm.geopackage import check_farm_map
+from furrowmap.exporters.farm.farm_geopackage import check_farm_map
 from furrowmap.exporters.farm.surface_file import SurfaceFile, surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import ResultFolder

@@ -8,7 +8,7 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from furrowmap.exporters.farm.results import zone_of
+from furrowmap.exporters.farm.farm_results import zone_of
 
 BERLIN = shapely.Point(391_000.0, 5_819_000.0)
 UTM = CRS.from_epsg(25833)

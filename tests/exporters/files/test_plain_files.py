@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.exporters.farm.geopackage import exclusive
+from furrowmap.exporters.farm.farm_geopackage import exclusive
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.batch_state import batch_state
 from furrowmap.exporters.files.plain_files import append_to, create_new, refuse_shared

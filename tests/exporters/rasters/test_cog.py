@@ -13,7 +13,7 @@ from pyproj.exceptions import CRSError
 from rio_cogeo import cog_validate
 
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.cloud.file import las_wkt
+from furrowmap.exporters.cloud.copc_file import las_wkt
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import COUNT_BAND, FILLED_BAND, HEIGHT_BAND, Bands, cog_output, with_heights
 from tests.exporters.rasters.written_cogs import write_cog

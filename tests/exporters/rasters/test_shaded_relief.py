@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from furrowmap.exporters.cloud.file import CopcFormat
-from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.copc_file import CopcFormat
+from furrowmap.exporters.cloud.point_batches import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.rasters.relief import shaded_ground
 

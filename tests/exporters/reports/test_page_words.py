@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from furrowmap.exporters.reports.pages import duration_words, number
+from furrowmap.exporters.reports.html_pages import duration_words, number
 from furrowmap.exporters.reports.report_page import _median, range_image, range_picture
 
 

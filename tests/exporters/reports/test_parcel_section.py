@@ -10,8 +10,8 @@ import pytest
 import shapely
 
 from furrowmap.core.crops.dose_columns import column_words
+from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
-from furrowmap.core.crops.response import fit_response
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.reports.parcel_sections import (
     MAX_NAMED_PARCELS,

@@ -18,7 +18,7 @@ from matplotlib import image as pictures
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.surfaces.visits import SwathSums
 from furrowmap.core.values.tool_states import ToolState, ToolStates
-from furrowmap.exporters.rasters.images import data_uri, encode_image
+from furrowmap.exporters.rasters.web_images import data_uri, encode_image
 from furrowmap.exporters.reports.drawings import (
     map_box,
     pass_colour,

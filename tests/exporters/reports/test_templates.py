@@ -11,7 +11,7 @@ import pytest
 from jinja2 import nodes
 
 from furrowmap.core.runtime.languages.catalogue import catalogue
-from furrowmap.exporters.reports.pages import _environment, _source
+from furrowmap.exporters.reports.html_pages import _environment, _source
 
 NAMES = {file.name for file in files("furrowmap.exporters.reports").joinpath("templates").iterdir()}
 ENGLISH = {"evaluation.html"}  # figures of a paper, in its terms

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.crops.response import fit_response
+from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.response_values import Estimate, FittedModel, Response
 from furrowmap.exporters.reports.trial_charts import (
     GROUP_COLOURS,

@@ -19,10 +19,10 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import RUN_RASTERS, packaged_style, packaged_styles
 from furrowmap.exporters.rasters.cog import Band
-from furrowmap.exporters.rasters.images import encode_image
-from furrowmap.exporters.share.features import SHOWN_FIELDS
+from furrowmap.exporters.rasters.web_images import encode_image
 from furrowmap.exporters.share.page import WEBP_QUALITY, draw_raster
-from furrowmap.exporters.share.points import CLASS_COLOURS
+from furrowmap.exporters.share.page_features import SHOWN_FIELDS
+from furrowmap.exporters.share.page_points import CLASS_COLOURS
 from furrowmap.exporters.share.shown_layers import JAPANESE
 from furrowmap.exporters.share.symbols import layer_style
 from furrowmap.exporters.vectors.labels import SHARED_LAYERS

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from furrowmap.core.coverage.field_work import FieldWork, events, pass_depths, tool_paths
-from furrowmap.core.coverage.ground import worked_ground
+from furrowmap.core.coverage.worked_ground import worked_ground
 from furrowmap.core.implement.states import ToolHistory
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import ScanPoses

@@ -18,7 +18,7 @@ import geopandas as gpd
 import pytest
 from shapely import Point
 
-from furrowmap.cli.share import FORMAT_CHOICES
+from furrowmap.cli.share_commands import FORMAT_CHOICES
 from furrowmap.core.values.margins import with_margin
 from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
 from tests.conftest import installed

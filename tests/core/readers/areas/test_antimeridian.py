@@ -10,7 +10,7 @@ import shapely
 from pyproj import CRS, Geod
 
 from furrowmap.core.readers.areas.area import polygons_on_map, read_area
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.readers.facts import pose_facts, position_facts
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions

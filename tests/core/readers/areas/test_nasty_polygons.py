@@ -12,10 +12,10 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.areas.repair import repaired, workable
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.runtime.errors import InputError
 from tests.core.readers.areas.nasty_polygons import CORNERS, NASTY, SIDE_M, feature, geojson, parcels
 
@@ -27,9 +27,9 @@ import os, resource, sys, traceback  # ru_maxrss would be that of the parent, to
 from pathlib import Path
 import numpy as np, shapely
 from pyproj import CRS
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.readers.areas.area import read_area
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.runtime.errors import InputError
 
 def read_all(path):

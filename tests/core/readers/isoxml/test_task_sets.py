@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.coverage.task_work import task_works
-from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.readers.isoxml.content import MAIN
 from furrowmap.core.readers.isoxml.log import TaskDataLog, read_tasks
 from furrowmap.core.readers.isoxml.time_log import read_time_log

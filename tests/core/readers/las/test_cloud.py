@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud, survey
-from furrowmap.core.readers.las.points import CloudBatch, TimeKind
+from furrowmap.core.readers.las.point_records import CloudBatch, TimeKind
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import las_time_to_utc
 

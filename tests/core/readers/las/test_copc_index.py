@@ -13,8 +13,8 @@ from pyproj import CRS
 
 from furrowmap.core.readers.las.cloud import ENTRY, CloudFile, open_cloud
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.exporters.cloud.file import CopcFormat
-from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.copc_file import CopcFormat
+from furrowmap.exporters.cloud.point_batches import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 
 N = 5000

@@ -13,7 +13,7 @@ import pytest
 
 from furrowmap.cli.main import attempt
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud, survey
-from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
+from furrowmap.core.readers.las.las_decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.runtime.settings import allowing
@@ -117,7 +117,7 @@ def test_decoder__serves_threads_and_forks(tmp_path: Path) -> None:
 
 
 def test_decoder__that_does_not_answer_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("furrowmap.core.readers.las.decoder.MIN_ORDER_S", 0.3)
+    monkeypatch.setattr("furrowmap.core.readers.las.las_decoder.MIN_ORDER_S", 0.3)
     fifo = tmp_path / "points"
     os.mkfifo(fifo)
     with pytest.raises(Undecodable, match="needs more than 0 s"):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.readers.las.header import LasHeader, read_header
-from furrowmap.core.readers.las.points import TimeKind, clock_of
+from furrowmap.core.readers.las.point_records import TimeKind, clock_of
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import las_time_to_utc
 

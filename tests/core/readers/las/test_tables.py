@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
-from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
 

@@ -15,7 +15,7 @@ from laspy.vlrs.vlr import VLR
 from pyproj import CRS
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.pointclouds.clouds import open_clouds
+from furrowmap.core.pointclouds.joined_clouds import open_clouds
 from furrowmap.core.readers.las.cloud import open_cloud
 
 FEET_US = 1200 / 3937

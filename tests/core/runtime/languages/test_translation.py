@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.languages.catalogue import HOLE, Template, catalogue, translated
 from furrowmap.core.runtime.settings import LANGUAGE_VARIABLE, language_of_user, using
-from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.session_file import parse_session
 
 
 def test_catalogue__takes_every_value_over_once_at_least() -> None:
