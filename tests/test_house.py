@@ -418,7 +418,7 @@ def needed(path: Path) -> set[str]:
 def test_stories_of_the_pipeline__can_be_kept_in_mind() -> None:
     """At most 15 names each, arguments included."""
     names = {"run": "run", "tractor": "solve", "placed": "solve", "flight": "solve", "place": "place"}
-    names |= {"preview": "preview", "without_scans": "run_without_scans"}
+    names |= {"preview_story": "preview", "without_scans": "run_without_scans"}
     for file, story in names.items():
         function = getattr(import_module(f"furrowmap.core.pipeline.{file}"), story)
         assert inspect.unwrap(function).__code__.co_nlocals <= 15, (file, story)
