@@ -46,8 +46,8 @@ def main() -> None:
         work = Path(folder)
         result = furrowmap.run(SESSION, work / "result")
         report = result.path / "report.html"
-        shoot(report, 940, 1560, work).quantize(128).save(IMAGES / "report-page.png", optimize=True)
-        shoot(report, 500, 1559, work).quantize(128).save(IMAGES / "report-page-phone.png", optimize=True)
+        shoot(report, 940, 1560, work).save(IMAGES / "report-page.png", optimize=True)
+        shoot(report, 500, 1559, work).save(IMAGES / "report-page-phone.png", optimize=True)
         furrowmap.share(result.path, work / "page")
         shared = shoot(work / "page" / "index.html", 1200, 720, work)
         shared.save(IMAGES / "share-page.jpg", quality=JPEG_QUALITY, optimize=True)
