@@ -30,7 +30,7 @@ def shoot(page: Path, width: int, height: int, into: Path) -> Image.Image:
     subprocess.run(
         [
             chromium(), "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
-            f"--user-data-dir={into / 'profile'}", "--virtual-time-budget=5000", f"--window-size={width},{height}",
+            f"--user-data-dir={into / 'profile'}", "--virtual-time-budget=30000", f"--window-size={width},{height}",
             f"--screenshot={picture}", page.as_uri(),
         ],
         check=True,
