@@ -44,15 +44,19 @@ def run(
     opened = open_session(file)
     if within is not None:
         opened = opened.within(Path(within))
-    return run_opened(opened, folder, overwrite=overwrite, resume=resume, progress=progress)
+    run_to_folder(opened, folder, session_tools(opened), overwrite=overwrite, resume=resume, progress=progress)
+    return _result(folder)
 
 
 def run_opened(
     opened: OpenSession, folder: Path, *, overwrite: bool, resume: bool, progress: Progress = silent
 ) -> Result:
     """Run an open session; arguments and errors as :func:`run`."""
-    tools = session_tools(opened)
-    run_to_folder(opened, folder, tools, overwrite=overwrite, resume=resume, progress=progress)
+    run_to_folder(opened, folder, session_tools(opened), overwrite=overwrite, resume=resume, progress=progress)
+    return _result(folder)
+
+
+def _result(folder: Path) -> Result:
     from furrowmap.results import open_result
 
     return open_result(folder)

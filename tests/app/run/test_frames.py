@@ -25,7 +25,7 @@ def ours(frame: FrameType | None) -> list[str]:
     while frame is not None:
         file = Path(frame.f_code.co_filename)
         if file.is_relative_to(CHECKOUT) and not file.is_relative_to(CHECKOUT / "tests"):
-            found.append(f"{file.stem}.{frame.f_code.co_name}")
+            found.append(f"{file.relative_to(CHECKOUT).as_posix()} {frame.f_code.co_name}")
         frame = frame.f_back
     return found
 
@@ -51,5 +51,6 @@ def test_kernel_of_the_ground__is_few_frames_below_the_command(
     assert status == 0
     assert len(stacks) >= 2  # of windows, and of the whole session
     for stack in stacks:
-        below = stack[: stack.index(f"{Path(run_command.__file__).stem}.run") + 1]
+        command = f"{Path(run_command.__file__).resolve().relative_to(CHECKOUT).as_posix()} run"
+        below = stack[: stack.index(command) + 1]
         assert len(below) <= MAX_FRAMES, " < ".join(below)
