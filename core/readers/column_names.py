@@ -154,7 +154,9 @@ def unit_fault(units_m: Sequence[float | None], crs: CRS | None) -> str:
     """Why eastings and northings in stated units (metres in each) are not those of a CRS; "" where they may be."""
     unit_m = crs.axis_info[0].unit_conversion_factor if crs is not None and crs.is_projected else 1.0
     other = next((one for one in units_m if one is not None and abs(one / unit_m - 1.0) > _SAME_LENGTH), None)
-    return "" if other is None else f"states its eastings in units of {other:.10g} m, and the CRS has {unit_m:.10g} m"
+    if other is None:
+        return ""
+    return f"states its eastings in units of {other:.10g} m, and the CRS has {unit_m:.10g} m: name them easting, northing"
 
 
 def without_unit(name: str) -> str | None:

@@ -15,6 +15,7 @@ from furrowmap.core.pointclouds.joined_clouds import open_clouds
 from furrowmap.core.pointclouds.spool_clouds import cell_for, spool_clouds
 from furrowmap.core.pointclouds.surfaces import cloud_tiles
 from furrowmap.core.runtime.errors import Cancelled, InputError, Notice, RefusedError
+from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
@@ -375,7 +376,7 @@ def test_grid__mostly_empty_has_the_surfaces_of_its_heaps_and_the_warning_in_its
     path, warned = two_heaps(tmp_path / "heaps.las"), []
     settings = SurfaceSettings(1.0, ground="none")
     account = furrowmap.surface([path], tmp_path / "out", settings, warn=warned.append)
-    assert account["warnings"] == [{"code": notice.code, "text": notice.text} for notice in warned]
+    assert account["warnings"] == plain(warned)
     assert "cells-mostly-empty" in {notice.code for notice in warned}
     height, grid = raster(tmp_path / "out" / "dsm.tif")
     assert grid.shape == (3208, 3208)

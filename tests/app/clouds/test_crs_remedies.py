@@ -204,7 +204,7 @@ def test_check__compares_in_metres_whatever_the_crs(
     rows, head = degrees, "lon_deg,lat_deg"
     if points_in == "the cloud's" and not flat.is_geographic:
         own = Transformer.from_crs(flat.geodetic_crs, flat, always_xy=True)
-        rows, head = np.column_stack(own.transform(*degrees.T)), "e_m,n_m"
+        rows, head = np.column_stack(own.transform(*degrees.T)), "easting,northing"
     elif points_in == "another":
         other = 26918 if at == "US" else 25832
         own = Transformer.from_crs(CRS(other).geodetic_crs, other, always_xy=True)
