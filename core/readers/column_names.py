@@ -156,7 +156,9 @@ def unit_fault(units_m: Sequence[float | None], crs: CRS | None) -> str:
     other = next((one for one in units_m if one is not None and abs(one / unit_m - 1.0) > _SAME_LENGTH), None)
     if other is None:
         return ""
-    return f"states its eastings in units of {other:.10g} m, and the CRS has {unit_m:.10g} m: name them easting, northing"
+    return (
+        f"states its eastings in units of {other:.10g} m, and the CRS has {unit_m:.10g} m: name them easting, northing"
+    )
 
 
 def without_unit(name: str) -> str | None:
