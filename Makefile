@@ -9,7 +9,7 @@ TESTS ?= tests
 TWO_WORKERS := -n 2 --dist loadfile --no-loadscope-reorder
 OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one \
   tests/exporters/files/test_two_hosts.py
-SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/flights.py benchmarks/dates.py benchmarks/outages.py \
+SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/flights.py benchmarks/dates.py benchmarks/outages.py benchmarks/ground.py \
   $(wildcard benchmarks/misstated*.py)
 
 # Python keeps what it compiles: tests start it a thousand times, and setup.py leaves compilation to the first import.
@@ -19,7 +19,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export MYPY_CACHE_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/furrowmap/types
 
 .DEFAULT_GOAL := help
-.PHONY: help demo quick test all-tests fuzz fuzz-sessions kills setup lint typecheck layout format test-lowest test-open3d test-python bench bench-release bench-sessions bench-dates bench-flights bench-misstated bench-outages golden coverage mutants docs pages plugin release-check web clean
+.PHONY: help demo quick test all-tests fuzz fuzz-sessions kills setup lint typecheck layout format test-lowest test-open3d test-python bench bench-release bench-sessions bench-dates bench-flights bench-misstated bench-outages bench-ground golden coverage mutants docs pages plugin release-check web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -120,6 +120,10 @@ bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions and f
 
 bench-outages: $(INSTALLED)  ## random outages of GNSS and pauses of the scanner: stated sigmas against true errors
 	$(BIN)/python benchmarks/outages.py
+
+bench-ground: $(INSTALLED)  ## ground of hand-labelled samples, beside the cloth simulation filter
+	$(BIN)/python -m pip install -qq --constraint constraints.txt cloth-simulation-filter
+	$(BIN)/python benchmarks/ground.py
 
 golden: $(INSTALLED)  ## results on sample recordings, compared with those of a commit: make golden AGAINST=COMMIT
 	$(BIN)/python scripts/golden.py $(AGAINST)

@@ -84,7 +84,7 @@ PUBLISHED: Final = {
     # Pingel et al. 2013, as PDAL and lidR use it, with cells of half a metre
     "core/surfaces/ground_filter.py Smrf.cell_m": 0.5,
     "core/surfaces/ground_filter.py Smrf.slope": 0.15,
-    "core/surfaces/ground_filter.py Smrf.window_m": 18.0,
+    "core/surfaces/ground_filter.py Smrf.window_m": 25.0,
     "core/surfaces/ground_filter.py Smrf.threshold_m": 0.15,
     "core/surfaces/ground_filter.py Smrf.scale": 1.25,
     "core/surfaces/terrain.py hillshade(azimuth_deg)": 315.0,  # as gdaldem and QGIS

@@ -16,6 +16,7 @@ from scipy.ndimage import distance_transform_edt, grey_opening, map_coordinates
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.surfaces.breaklines import point_spacing_m, with_breaklines
 from furrowmap.core.surfaces.gaps import filled
 
 _SHORT: Final = 1 << 16
@@ -68,6 +69,10 @@ GroundMethod = Literal["smrf", "csf"]
 FILTER_TILE_M: Final = 128.0
 PIT_SLOPE: Final = 5.0
 """A cell below its neighbours by more than this slope is an error (Pingel: 500 %)."""
+PIT_SPACINGS: Final = 3
+"""Errors form clusters up to twice as many spacings wide."""
+REACH_PART: Final = 8
+"""Windows grow by this part of themselves, or by a cell."""
 CLOTH_RELIEF_M: Final = 500.0
 """Points farther than this from the median height are not ground and are not passed to the library."""
 CLOTH_M: Final = 0.5
@@ -83,8 +88,8 @@ class Smrf:
 
     T. J. Pingel, K. C. Clarke, W. A. McBride (2013), An improved simple morphological filter for the terrain
     classification of airborne LIDAR data, ISPRS Journal of Photogrammetry and Remote Sensing 77, 21-30, with square
-    windows instead of disks (separable, so at constant cost) and gaps filled by harmonic interpolation instead of
-    springs.
+    windows instead of disks (separable, so at constant cost), gaps filled by harmonic interpolation instead of springs,
+    and :func:`with_breaklines` after it.
 
     Attributes:
         cell_m: of the surface of lowest heights.
@@ -96,7 +101,7 @@ class Smrf:
 
     cell_m: float = 0.5
     slope: float = 0.15
-    window_m: float = 18.0
+    window_m: float = 25.0
     threshold_m: float = 0.15
     scale: float = 1.25
 
@@ -165,16 +170,35 @@ def ground_cells(lowest_m: FloatArray, filter_: Smrf) -> NDArray[np.bool_]:
     seen = np.isfinite(lowest_m)
     if not seen.any():
         return seen
-    upside_down = -from_nearest(lowest_m)
-    pits = seen & (upside_down - _opened(upside_down, 1) > PIT_SLOPE * filter_.cell_m)
+    spacing_m = max(point_spacing_m(seen, filter_.cell_m), filter_.cell_m)
+    pits = seen & _pits(lowest_m, spacing_m, filter_.cell_m)
+    if pits.all():
+        return seen & ~pits
     standing = np.zeros(lowest_m.shape, bool)
     last = from_nearest(np.where(pits, np.nan, lowest_m))
-    for reach in range(1, math.ceil(filter_.window_m / filter_.cell_m) + 1):
+    for reach in _reaches(math.ceil(filter_.window_m / filter_.cell_m)):
         opened = _opened(last, reach)
         standing |= last - opened > filter_.slope * reach * filter_.cell_m
         last = opened
-    ground: NDArray[np.bool_] = seen & ~pits & ~standing
-    return ground
+    return with_breaklines(lowest_m, seen & ~pits & ~standing, filter_.cell_m)
+
+
+def _reaches(most: int) -> list[int]:
+    """Increasing reaches of windows in cells."""
+    reaches = [1]
+    while reaches[-1] < most:
+        reaches.append(min(reaches[-1] + max(1, reaches[-1] // REACH_PART), most))
+    return reaches
+
+
+def _pits(lowest_m: FloatArray, spacing_m: float, cell_m: float) -> NDArray[np.bool_]:
+    """Cells far below all around: single points and clusters up to some spacings of the points wide."""
+    upside_down = -from_nearest(lowest_m)
+    pits = np.zeros(lowest_m.shape, bool)
+    for spacings in range(1, PIT_SPACINGS + 1):
+        reach = round(spacings * spacing_m / cell_m)
+        pits |= upside_down - _opened(upside_down, reach) > PIT_SLOPE * reach * cell_m
+    return pits
 
 
 def from_nearest(height_m: FloatArray) -> FloatArray:

@@ -61,10 +61,10 @@ def test_classify_ground__survives_what_is_no_place(scene: Scene, method: Ground
     assert (found[4:] & truth).sum() > 0.98 * truth.sum()
 
 
-@pytest.mark.parametrize(("width_m", "is_ground"), [(30, False), (35, False), (38, True), (60, True)])
-def test_smrf__takes_objects_up_to_36_m_wide_from_the_ground(width_m: int, is_ground: bool) -> None:
-    """Twice the window of the paper's defaults; a plateau wider than that is a terrace."""
-    lowest_m = np.zeros((180, 180))
+@pytest.mark.parametrize(("width_m", "is_ground"), [(30, False), (49, False), (52, True), (60, True)])
+def test_smrf__takes_objects_up_to_50_m_wide_from_the_ground(width_m: int, is_ground: bool) -> None:
+    """Twice the window; a plateau wider than that is a terrace."""
+    lowest_m = np.zeros((220, 220))
     side = slice(20, 20 + 2 * width_m)
     lowest_m[side, side] = 4.0
     middle = 20 + width_m
