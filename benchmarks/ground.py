@@ -7,7 +7,7 @@ for bare-earth extraction from airborne laser scanning point clouds, ISPRS Journ
 59, 85-101) as files of the Point Cloud Library: `sampNN.pcd.gz`, and `sampNN-ground.pcd.gz` with the points that are
 ground. Kappa is Cohen's agreement beyond chance; type I errors are ground that is lost, type II objects that are kept.
 The cloth, by its authors' library where `CSF` is installed, has their settings for cities on flat ground or on slopes:
-1 m, threshold 0.5 m, rigidness 3 or 2, with their smoothing of slopes for the latter.
+0.5 m, threshold 0.5 m, rigidness 3 or 2, with their smoothing of slopes for the latter.
 """
 
 import gzip
@@ -95,7 +95,7 @@ def cloth(xyz_m: FloatArray, *, rigidness: int, smooth: bool) -> BoolArray:
 
     filter_ = CSF.CSF()
     filter_.params.bSloopSmooth = smooth
-    filter_.params.cloth_resolution = 1.0
+    filter_.params.cloth_resolution = 0.5
     filter_.params.class_threshold = 0.5
     filter_.params.rigidness = rigidness
     filter_.setPointCloud(xyz_m - xyz_m.mean(axis=0))
@@ -121,6 +121,9 @@ def main() -> None:
         print(f"no samples in {folder}")
         return
     methods: dict[str, Callable[[FloatArray], BoolArray]] = {"furrowmap": classify_ground}
+    os.environ.setdefault(
+        "OMP_NUM_THREADS", "1"
+    )  # its threads wait in loops: a hundred times as long on a busy machine
     try:
         import CSF  # noqa: F401
     except ImportError:
