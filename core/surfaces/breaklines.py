@@ -50,7 +50,8 @@ SPARSE_M: Final = 0.75
 hedges are slopes like any other, by which whole stands would join the ground."""
 _DENSITY_M: Final = 10.0
 """Side of the squares in which the density of the points is measured."""
-_FULL: Final = 1e-9
+_LEAST_EMPTY: Final = 1e-9
+"""Share of empty cells that stands for none."""
 _MAX_ROUGHNESS_CELLS: Final = 20_000
 _SECTORS: Final = 8
 _SUMS: Final = 9
@@ -68,7 +69,7 @@ def point_spacing_m(seen: BoolArray, cell_m: float) -> float:
     side = 2 * round(0.5 * _DENSITY_M / cell_m) + 1
     share = float(np.median(uniform_filter(seen.astype(np.float64), side, mode="reflect")[seen]))
     # Of points thrown at random with a density d in a cell, exp(-d) of the cells are empty.
-    density = -math.log(max(1.0 - share, _FULL))
+    density = -math.log(max(1.0 - share, _LEAST_EMPTY))
     return min(cell_m / math.sqrt(density), MAX_SPACING_M)
 
 
