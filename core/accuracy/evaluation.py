@@ -554,7 +554,7 @@ def evaluate(
     kept = certain if fixed_reference_only else np.ones(len(found), bool)
     left_out = int(np.sum(~kept))
     if not kept.any():
-        raise InputError("nothing-to-compare.unmatched", source=test.source, unfixed=left_out > 0)
+        raise InputError("nothing-to-compare.no-usable-epochs", source=test.source, unfixed=left_out > 0)
     arrays = {name: value[kept] for name, value in vars(found).items() if name in _BY_EPOCH}
     found = replace(found, **arrays)
     fix = test.fix[found.epoch]

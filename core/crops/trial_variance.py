@@ -145,7 +145,7 @@ def _statsmodels() -> tuple[Any, Any, Any]:
         from statsmodels.formula.api import ols
         from statsmodels.stats.anova import anova_lm
     except ImportError:
-        raise InputError("extra-missing.statsmodels") from None
+        raise InputError("extra-missing.trial-statistics") from None
     return pd, ols, anova_lm
 
 

@@ -157,7 +157,7 @@ class RelativeMounting:
         if "clock_s" in self.off:
             used_s = stated_s + self.clock_used_s
             yield Notice(
-                "scanner-mounting-off.clock-off", used_s=used_s, margin=margin(float(self.sigma[6]), " ms", 1e3)
+                "scanner-mounting-off.by-clock", used_s=used_s, margin=margin(float(self.sigma[6]), " ms", 1e3)
             )
 
 

@@ -117,7 +117,7 @@ FOLLOWS: Final[Mapping[str, tuple[str, ...]]] = {
     ),
     "contradiction.turned-scanner": ("boresight-off", "camera-mounting-off"),
     "contradiction.scattered-ground": ("boresight-assumed",),
-    "contradiction.other-model": ("boresight-off", "boresight-assumed"),
+    "contradiction.elevations-of-another": ("boresight-off", "boresight-assumed"),
     "contradiction.positions-late": ("imu-clock-off", "scanner-clock-off", "camera-times-off"),
     "contradiction.lever-arm": ("lever-arm-off",),
     "contradiction.height-creep": ("check-points-off",),

@@ -231,7 +231,7 @@ def _adjusted_by_strips(guess: Located, adjusted: StripAdjustment) -> Located:
 def _boresight_notices(found: Boresight | None, stated: Mounting, located: Located) -> list[Notice]:
     """Notices about the mounting, of which none blames it for what another cause explains."""
     keys = {notice.key for notice in located.notices}
-    if "contradiction.other-model" in keys:
+    if "contradiction.elevations-of-another" in keys:
         return []
     notices = boresight_notices(found, stated)
     if "contradiction.lever-arm" in keys:

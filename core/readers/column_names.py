@@ -222,4 +222,6 @@ def _spelling(name: str) -> str:
 
 def ambiguous(path: Path, name: str, columns: Sequence[str]) -> InputError:
     """The error of several columns that mean the same."""
-    return InputError("column-twice.alike", path=path, name=name, columns=", ".join(f"`{one}`" for one in columns))
+    return InputError(
+        "column-twice.same-meaning", path=path, name=name, columns=", ".join(f"`{one}`" for one in columns)
+    )

@@ -105,7 +105,7 @@ def in_order(
         widest_s = float(-np.diff(t_s).min(initial=0.0))
         notices.append(
             Notice(
-                "time-runs-back.positions",
+                "time-runs-back.repeated-positions",
                 name=name,
                 backward=int(backward.sum()),
                 positions=len(t_s),

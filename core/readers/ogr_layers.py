@@ -139,7 +139,7 @@ def _in_code_page(
     page = known_page(stated)
     found = decoded([cell.encode("latin-1") for cell in cells], page)
     if found is None:
-        return np.array(names, object), columns, [Notice("code-page.unreadable", path=path.name)]
+        return np.array(names, object), columns, [Notice("code-page.no-known-page", path=path.name)]
     renewed = iter(found.texts)
     fields = np.array([next(renewed) for _ in names], object)
     new = list(columns)

@@ -43,7 +43,7 @@ class LikelierModel:
         """The contradiction that it is."""
         before_m, after_m = self.scatter_m
         return Notice(
-            "contradiction.other-model",
+            "contradiction.elevations-of-another",
             name=self.name,
             read_as=self.read_as,
             before_mm=1e3 * before_m,

@@ -128,7 +128,7 @@ FLIGHT_CAUSES: Final = {
     "contradiction.height-creep": "creep",
     "contradiction.scatter": "positions",
     "contradiction.positions-late": "clock",
-    "contradiction.other-model": "model",
+    "contradiction.elevations-of-another": "model",
     "contradiction.turned-scanner": "mounting",
     "contradiction.positions-err": "positions",
     "contradiction.force-scatters": "unknown",

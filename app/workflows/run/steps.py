@@ -17,7 +17,7 @@ _LAST: Final = (
 def planned_steps(session: Path) -> tuple[Step, ...]:
     """The long steps of a run of a session, with their usual share of its time; none for a session that is not valid.
 
-    Shares are those of runs of a minute of recording on a laptop: they make a bar go on evenly, and nothing else.
+    Shares are rough: they make a bar advance evenly, and nothing else.
     """
     try:
         stated = load_session(session)

@@ -159,7 +159,7 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
         # A Rust panic derives from BaseException, not Exception, and its class cannot be imported.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise InputError("laz-chunk-damaged.chunk-table", path=path, reason=_short(error)) from None
+        raise InputError("laz-chunk-damaged.table-of-chunks", path=path, reason=_short(error)) from None
     least = min(size for _, size in table)
     sizes = sum(size for _, size in table)
     points = sum(number for number, _ in table)

@@ -72,7 +72,7 @@ class RawPoses:
         if backward.sum() > MAX_LATE_SHARE * len(t_s):
             row = int(np.flatnonzero(backward)[0])
             raise InputError(
-                "time-disorder.poses", name=self.name, backward=int(backward.sum()), poses=len(t_s), row=row + 1
+                "time-disorder.pose-order", name=self.name, backward=int(backward.sum()), poses=len(t_s), row=row + 1
             )
         for key, rows in (("poses-repeated", repeated), ("time-runs-back.pose-rows", backward)):
             if rows.any():
@@ -102,8 +102,8 @@ class RawPoses:
         first = int(np.flatnonzero(far)[0])
         found = {"far": count, "far_count": len(far), "first_pose": first + 1, "first_time": iso_utc(t_s[first])}
         if 2 * count > len(far):
-            raise InputError("positions-impossible.poses", name=self.name, **found)
-        notices.append(Notice("positions-elsewhere.poses", name=self.name, **found))
+            raise InputError("positions-impossible.stray-poses", name=self.name, **found)
+        notices.append(Notice("positions-elsewhere.stray-poses", name=self.name, **found))
         return t_s[~far], values[~far]
 
 

@@ -274,7 +274,7 @@ class _VectorNav(FileReader, ABC):
         values = units.in_si(timed[:, 1:7])
         beyond = first_beyond(values)
         if beyond is not None:
-            raise InputError("value-out-of-range.imu-messages", name=name, beyond=beyond[0])
+            raise InputError("value-out-of-range.beyond-imus", name=name, beyond=beyond[0])
         return inertial_track(timed[:, 0], values, name, self.notices)
 
     def attitude(self) -> AttitudeTrack:

@@ -171,7 +171,7 @@ def test_shapefiles__with_and_without_a_stated_code_page(
 
 def test_shapefile__in_no_known_code_page_is_said(tmp_path: Path) -> None:
     layer = read_vector_layer(shapefile(tmp_path, ["\x81\xff\x8d", "a"], "latin-1"))
-    assert [notice.key for notice in layer.notices] == ["code-page.unreadable"]
+    assert [notice.key for notice in layer.notices] == ["code-page.no-known-page"]
 
 
 def test_sample__of_a_japanese_shapefile(shared_data: Path) -> None:

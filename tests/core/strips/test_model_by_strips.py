@@ -29,7 +29,7 @@ def test_model__with_which_the_ground_coincides_is_named() -> None:
     assert other is not None
     assert (other.name, other.read_as) == ("VLP-16", "Puck Hi-Res")
     assert other.scatter_m[1] < 0.01 < other.scatter_m[0]
-    assert other.notice.key == "contradiction.other-model"
+    assert other.notice.key == "contradiction.elevations-of-another"
     as_it_is = boresight(right, trajectory, TRUE)
     assert as_it_is is not None
     # Even where it is asked for.
