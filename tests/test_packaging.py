@@ -111,7 +111,11 @@ def test_wheel__writes_notebooks_and_the_plugins_zip(site: Path, tmp_path: Path)
     program = [sys.executable, "-c", "from furrowmap.cli.main import main; main()"]
     for command in (["notebooks", "examples"], ["qgis", "zip"], ["qgis", "install", "--plugins-folder", "plugins"]):
         subprocess.run([*program, *command], cwd=tmp_path, env={"PYTHONPATH": str(site)}, check=True)
-    assert {path.name for path in (tmp_path / "examples").iterdir()} == {"any-cloud.ipynb", "nakagawa-et-al.ipynb"}
+    assert {path.name for path in (tmp_path / "examples").iterdir()} == {
+        "any-cloud.ipynb",
+        "christiansen-et-al.ipynb",
+        "nakagawa-et-al.ipynb",
+    }
     with zipfile.ZipFile(tmp_path / f"furrowmap-{PROJECT['project']['version']}.zip") as archive:
         packed = {name.removeprefix("furrowmap/"): archive.read(name) for name in archive.namelist()}
     plugin = CHECKOUT / "plugin"

@@ -108,6 +108,8 @@ def _vocabulary() -> dict[frozenset[str], tuple[str, dict[str, str]]]:
 
 
 _VOCABULARY: Final = _vocabulary()
+MAX_NAMES_BY_MEANING: Final = 1000
+"""Columns of a file whose names are read by what they mean; further ones need the name itself."""
 
 
 @cache
@@ -173,17 +175,23 @@ def standard_names(names: Sequence[str]) -> list[str]:
     A column that is written so goes before one that only means the same, which keeps its own name.
     """
     there = set(names)
-    meant = [standard_name(name) for name in names]
-    return [
-        name if standard is None or standard in there else standard for name, standard in zip(names, meant, strict=True)
+    meant = [standard_name(name) for name in names[:MAX_NAMES_BY_MEANING]]
+    known = [
+        name if standard is None or standard in there else standard
+        for name, standard in zip(names, meant, strict=False)
     ]
+    return [*known, *names[MAX_NAMES_BY_MEANING:]]
 
 
 def expected_once(names: Sequence[str], used: Sequence[str], path: Path) -> dict[str, str]:
     """The name that furrowmap gives each column by that in the file; InputError if several mean one that is used."""
     found = dict(zip(names, standard_names(names), strict=True))
-    for name in used:
-        same = [own for own, standard in found.items() if standard == name]
+    wanted = set(used)
+    written: dict[str, list[str]] = {}
+    for own, standard in found.items():
+        if standard in wanted:
+            written.setdefault(standard, []).append(own)
+    for name, same in written.items():
         if len(same) > 1:
             raise ambiguous(path, name, same)
     return found
@@ -199,7 +207,7 @@ def column_of(accepted: Iterable[str], names: Sequence[str], path: Path) -> str 
     if exact is not None:
         return exact
     for name in wanted:
-        same = [other for other in dict.fromkeys(names) if means(other, name)]
+        same = [other for other in dict.fromkeys(names[:MAX_NAMES_BY_MEANING]) if means(other, name)]
         if len(same) > 1:
             raise ambiguous(path, name, same)
         if same:

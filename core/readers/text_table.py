@@ -3,6 +3,7 @@
 import csv
 import re
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
@@ -228,8 +229,9 @@ def _reason(error: ValueError | OSError) -> str:
 def _plain_names(cells: Sequence[str]) -> list[str]:
     """Names in lower case; without what stands in brackets, unless it changes the meaning or tells columns apart."""
     short = [_UNIT.sub("", cell.strip()) for cell in cells]
+    times = Counter(short)
     return [
-        (whole.strip() if _means_other(whole, plain) or short.count(plain) > 1 else plain).casefold()
+        (whole.strip() if _means_other(whole, plain) or times[plain] > 1 else plain).casefold()
         for whole, plain in zip(cells, short, strict=True)
     ]
 

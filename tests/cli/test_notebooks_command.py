@@ -10,7 +10,7 @@ import pytest
 
 from furrowmap.cli.main import command_line
 
-NAMES = ("any-cloud.ipynb", "nakagawa-et-al.ipynb")
+NAMES = ("any-cloud.ipynb", "christiansen-et-al.ipynb", "nakagawa-et-al.ipynb")
 
 
 def test_notebooks__are_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -20,7 +20,8 @@ def test_notebooks__are_written_once(tmp_path: Path, capsys: pytest.CaptureFixtu
     for path in folder.iterdir():
         nbformat.validate(nbformat.read(path, as_version=4))
     (folder / NAMES[1]).write_text("mine")
-    (folder / NAMES[0]).unlink()
+    for name in (NAMES[0], *NAMES[2:]):
+        (folder / name).unlink()
     assert command_line(["notebooks", str(folder)]) == 4
-    assert "nakagawa-et-al.ipynb exists already" in capsys.readouterr().err
+    assert f"{NAMES[1]} exists already" in capsys.readouterr().err
     assert [path.read_text() for path in folder.iterdir()] == ["mine"]

@@ -152,7 +152,7 @@ def test_worker__whose_program_was_killed_does_not_stay(shared_data: Path, tmp_p
 def test_worker__that_hangs_ends_when_its_program_is_gone() -> None:
     code = (
         "import time\n"
-        "from furrowmap.cli import worker\n"
+        "from furrowmap.cli import worker_process as worker\n"
         "def hang(*_):\n"
         "    while True:\n"
         "        try: print('hangs', flush=True); time.sleep(60)\n"

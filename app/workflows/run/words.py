@@ -101,7 +101,7 @@ def _crops(parcels: Mapping[str, Any]) -> Rows:
     if volumes_m3:
         yield "crop volume", f"{sum(volumes_m3):,.1f} m³"
     if parcels.get("response"):
-        yield "response", parcels["response"]["words"]
+        yield "response", parcels["response"]["sentences"][0]
 
 
 def _known(values: Iterable[Any]) -> list[float]:
