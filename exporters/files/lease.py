@@ -51,6 +51,7 @@ def hold_lease(folder: Path) -> Iterator[Path]:
     own = folder / f"{PREFIX}{Owner.here().words()}-{secrets.token_hex(4)}"
     own.mkdir()
     stopped = threading.Event()
+    _put_beat(own / _HEARTBEAT, 1)  # before another run can ask whose it is
     heart = threading.Thread(target=_beat, args=(own / _HEARTBEAT, stopped), daemon=True)
     heart.start()
     try:
@@ -156,18 +157,20 @@ def _beats(lease: Path) -> bool:
 
 def _beat(file: Path, stopped: threading.Event) -> None:
     """Change the file until `stopped`; an error leaves it as it is, and the lease is lost after a while."""
-    count = 0
-    while True:
+    count = 1
+    while not stopped.wait(BEAT_S):
         count += 1
-        with suppress(OSError):
-            # In its place, so that a full disk does not matter.
-            descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
-            try:
-                os.write(descriptor, f"{count:09} {platform.node()}".encode()[:200])
-            finally:
-                os.close(descriptor)
-        if stopped.wait(BEAT_S):
-            return
+        _put_beat(file, count)
+
+
+def _put_beat(file: Path, count: int) -> None:
+    with suppress(OSError):
+        # In its place, so that a full disk does not matter.
+        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0))
+        try:
+            os.write(descriptor, f"{count:09} {platform.node()}".encode()[:200])
+        finally:
+            os.close(descriptor)
 
 
 def _busy(folder: Path, lease: Path) -> RefusedError:
