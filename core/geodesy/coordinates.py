@@ -131,6 +131,25 @@ def transform_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Trans
     return replace(track, position=np.column_stack([lon, lat, height])), done
 
 
+def places_on_map(t_s: FloatArray, lon_lat_h: FloatArray, frame: MapFrame) -> tuple[FloatArray, TransformSummary]:
+    """Easting, northing and height of places; nan where one is not known. Errors as :func:`transform_track`.
+
+    Args:
+        t_s: (n,) times in Unix seconds, which do not decrease.
+        lon_lat_h: (n, 3) longitude and latitude in degrees and ellipsoidal height in metres.
+
+    Returns:
+        (n, 3) metres on the map, and the steps of the transformation.
+    """
+    known = np.isfinite(lon_lat_h).all(axis=1)
+    out = np.full((len(t_s), 3), np.nan)
+    if not known.any():
+        return out, UNCHANGED
+    lon, lat, height, done = _transform(frame, t_s[known], *lon_lat_h[known].T)
+    out[known] = np.column_stack([*frame.project(lon, lat), height])
+    return out, done
+
+
 def _transform(
     frame: MapFrame, t_s: FloatArray, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, TransformSummary]:

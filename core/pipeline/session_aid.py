@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.geodesy.coordinates import transform_poses
-from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.geodesy.coordinates import places_on_map
 from furrowmap.core.images.control_points import ControlPoints
 from furrowmap.core.images.image_aiding import ImageAid, aid_by_images, unused
 from furrowmap.core.images.image_features import ImageFeatures, find_features
@@ -17,13 +16,11 @@ from furrowmap.core.images.image_positions import held_against_images
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.text_table import read_table
-from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import Located
-from furrowmap.core.values.images import ImageFile, Images
-from furrowmap.core.values.pose_track import PoseTrack
+from furrowmap.core.values.images import ImageFile
 from furrowmap.core.values.time_span import track_within
 
 EXTRA: Final = ("cv2", "PIL")
@@ -81,31 +78,10 @@ def aid_session(
         control = ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
     images = opened.images(notices)
     camera = opened.camera()
-    located, found = held_against_images(located, images, camera, positions_on_map(images, opened.frame), scale)
+    stated, _ = places_on_map(images.t_s, images.lon_lat_h, opened.frame)
+    located, found = held_against_images(located, images, camera, stated, scale)
     notices += found
     return aid_by_images(located, images, camera, scale, control, notices, progress, features)
-
-
-def positions_on_map(images: Images, frame: MapFrame) -> FloatArray:
-    """Easting, northing and height (n, 3) of the positions that images have; nan without."""
-    n = len(images)
-    level = np.zeros(n)
-    track = PoseTrack(
-        t_s=images.t_s,
-        position=images.lon_lat_h,
-        projected=False,
-        roll_deg=level,
-        pitch_deg=level,
-        heading_deg=level,
-        true_north=True,
-        sigma=np.full((n, 6), np.nan),
-    )
-    known = np.isfinite(images.lon_lat_h).all(axis=1)
-    out = np.full((n, 3), np.nan)
-    if known.any():
-        lon, lat, height = transform_poses(track, frame)[0].position[known].T
-        out[known] = np.column_stack([*frame.project(lon, lat), height])
-    return out
 
 
 def read_pixels(path: Path, names: tuple[str, ...], notices: list[Notice]) -> tuple[tuple[str, int, float, float], ...]:

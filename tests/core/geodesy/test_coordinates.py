@@ -20,6 +20,7 @@ from furrowmap.core.geodesy.coordinates import (
     EpochMove,
     HeightMove,
     TransformSummary,
+    places_on_map,
     transform_poses,
     transform_track,
 )
@@ -624,3 +625,14 @@ def test_geoid_of_a_drive__is_told_from_least_to_greatest() -> None:
     assert geoid_m.max() - geoid_m.min() > 0.5
     (move,) = done.account(frame)["moves"]
     assert move["geoid_m"] == pytest.approx([geoid_m.min(), geoid_m.max()], abs=1e-4)
+
+
+def test_places_on_map__two_at_one_time_and_one_unknown() -> None:
+    """Two images may state the same second."""
+    frame = map_frame(Crs(map="EPSG:25832"))
+    places = np.array([[9.0, 51.0, 100.0], [9.0, 51.0001, 101.0], [np.nan, np.nan, np.nan]])
+    placed, _ = places_on_map(np.array([1.7e9, 1.7e9, 1.7e9 + 1.0]), places, frame)
+    north_m = Geod(ellps="GRS80").line_length([9.0, 9.0], [51.0, 51.0001])
+    assert placed[1, 1] - placed[0, 1] == pytest.approx(north_m * 0.9996, abs=1e-4)
+    assert placed[:2, 2].tolist() == [100.0, 101.0]
+    assert np.isnan(placed[2]).all()

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from furrowmap.core.geodesy.coordinates import places_on_map
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.images.image_frames import frame_poses
 from furrowmap.core.images.image_positions import held_against_images
-from furrowmap.core.pipeline.session_aid import positions_on_map
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.located import Located
@@ -27,7 +27,8 @@ SIGMA_M = np.array([0.012, 0.012, 0.025])
 
 
 def held(place: Located, images: Images) -> tuple[Located, list[Notice]]:
-    return held_against_images(place, images, STATED, positions_on_map(images, FRAME), SCALE)
+    stated_m, _ = places_on_map(images.t_s, images.lon_lat_h, FRAME)
+    return held_against_images(place, images, STATED, stated_m, SCALE)
 
 
 def moved(trajectory: Trajectory) -> Trajectory:
