@@ -13,7 +13,7 @@ import click
 
 from furrowmap.cli.console import Console
 from furrowmap.core.runtime.errors import UsageError
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.runtime.options import Option, options_of
 from furrowmap.core.runtime.settings import ALLOWANCES, allowing, using_threads
 from furrowmap.core.runtime.write_errors import temporary_elsewhere

@@ -17,7 +17,7 @@ from furrowmap.cli.command_options import CommandGroup
 from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, drop_interrupt
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.runtime.settings import using
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
 from furrowmap.process import keep_out_current_folder

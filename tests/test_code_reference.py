@@ -12,6 +12,8 @@ import pytest
 
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.languages.messages import holes, templates
+from furrowmap.core.runtime.languages.templates import parts_of, walk
+from furrowmap.core.runtime.languages.texts import LANGUAGES, texts_of
 from tests.codes_met import MET, listed, named
 from tests.core.readers.las.test_hostile import ERRORS, NOTICES
 
@@ -38,6 +40,25 @@ def test_messages__are_made_with_the_values_of_their_sentences() -> None:
                         made += 1
                         assert given == set(holes(str(key.value))), (name, call.lineno, key.value)
     assert made > 500
+
+
+def test_texts__are_in_every_language_with_their_values() -> None:
+    for name, tree in sources():
+        for call in ast.walk(tree):
+            if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Text":
+                given = {keyword.arg for keyword in call.keywords}
+                chosen = call.args[0]
+                for template in [chosen.body, chosen.orelse] if isinstance(chosen, ast.IfExp) else [chosen]:
+                    assert isinstance(template, ast.Constant), (name, call.lineno)
+                    english = str(template.value)
+                    assert names_in(english) == given, (name, call.lineno, english)
+                    for language in LANGUAGES[1:]:
+                        assert names_in(texts_of(language).get(english, "")) == given, (name, call.lineno, english)
+                        assert english in texts_of(language), (name, call.lineno, english)
+
+
+def names_in(template: str) -> set[str]:
+    return {part.name for part in walk(parts_of(template))}
 
 
 def test_messages__of_the_catalogue_are_used() -> None:

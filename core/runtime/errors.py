@@ -5,8 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
 
-from furrowmap.core.runtime.languages.catalogue import ENGLISH, translated
-from furrowmap.core.runtime.languages.messages import ERROR_PARTS, Value, fill, plain_values, printed, sentences
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.messages import ERROR_PARTS, plain_values, printed, sentences
+from furrowmap.core.runtime.languages.templates import fill
+from furrowmap.core.runtime.languages.texts import ENGLISH, Value
 
 CONTRADICTION: Final = "contradiction"
 CHECK_POINTS_OFF: Final = "check-points-off"
@@ -176,9 +178,8 @@ class Notice:
 def _sentence(language: str, key: str, part: str, values: Mapping[str, Value]) -> str:
     """A part of a message in a language; texts in its values are translated too."""
     code = key.partition(".")[0]
-    return printable(
-        fill(sentences(language, key)[part], printed(key, values), lambda value: translated(value, language, code))
-    )
+    found = printed(key, values, language)
+    return printable(fill(sentences(language, key)[part], found, lambda value: translated(value, language, code)))
 
 
 def printable(text: str) -> str:

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.languages.texts import Text
 
 Kept = TypeVar("Kept")
 
@@ -36,7 +37,7 @@ def from_kept_json(content: bytes, kind: type[Kept]) -> Kept:
 
 
 def plain(value: object) -> Any:
-    """`value` in JSON's types: non-finite numbers become null, unknown types their text.
+    """`value` in JSON's types: non-finite numbers become null, texts their English, unknown types their text.
 
     Invalid bytes in file names become escapes.
     """
@@ -56,7 +57,7 @@ def plain(value: object) -> Any:
         return [plain(item) for item in value]
     if isinstance(value, Notice):
         return {"code": value.code, "values": plain(dict(value.values)), "text": value.text}
-    if is_dataclass(value):
+    if is_dataclass(value) and not isinstance(value, Text):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     text = value.as_posix() if isinstance(value, Path) else str(value)
     return text.encode("utf-8", "backslashreplace").decode("utf-8")

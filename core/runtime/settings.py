@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
 from furrowmap.core.runtime.errors import UsageError
-from furrowmap.core.runtime.languages.catalogue import ENGLISH, LANGUAGES
+from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES
 
 Allowance = Literal["large", "damaged"]
 ALLOWANCES: Final[tuple[Allowance, ...]] = get_args(Allowance)

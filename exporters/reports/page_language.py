@@ -10,7 +10,8 @@ import re
 from collections.abc import Callable
 from typing import Final
 
-from furrowmap.core.runtime.languages.catalogue import ENGLISH, translated
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import ENGLISH
 
 KEPT: Final = "furrowmap-english"
 """Name of the <meta> with the English texts: a list of pairs of the number of the text in the page, and its HTML."""

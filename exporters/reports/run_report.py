@@ -24,7 +24,7 @@ from furrowmap.core.pipeline.notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.errors import CHECK_POINTS_OFF, CONTRADICTION, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.strips.boresight import BORESIGHT_NAMES, Boresight
 from furrowmap.core.trajectory.vehicle_motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc

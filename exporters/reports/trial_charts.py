@@ -15,7 +15,7 @@ from scipy import special
 from furrowmap.core.crops.response_values import Estimate, Response
 from furrowmap.core.crops.response_words import MIN_WEIGHT, MODEL_WORDS
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.languages.catalogue import ENGLISH
+from furrowmap.core.runtime.languages.texts import ENGLISH
 from furrowmap.exporters.reports.page_language import map_texts, text_in
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Number, corners, drawing, element, rectangle, segment
 

@@ -23,7 +23,8 @@ from furrowmap.core.geodesy.local_time import local_time, zone_words
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import RefusedError, printable
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.margins import margin
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder, packaged_style, unreadable

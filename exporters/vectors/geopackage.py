@@ -15,7 +15,8 @@ from pyproj import CRS
 
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.readers.ogr_layers import layer_info, read_layer_arrays
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.exporters.files.atomic import atomic_output

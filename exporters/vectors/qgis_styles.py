@@ -15,7 +15,8 @@ from xml.etree import ElementTree as ET
 from zoneinfo import ZoneInfo
 
 from furrowmap.core.geodesy.local_time import local_time
-from furrowmap.core.runtime.languages.catalogue import ENGLISH, catalogue, translated
+from furrowmap.core.runtime.languages.catalogue import catalogue, translated
+from furrowmap.core.runtime.languages.texts import ENGLISH
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.qgis_project import DOCTYPE
 from furrowmap.exporters.files.result_folder import packaged_style, style_of

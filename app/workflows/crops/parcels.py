@@ -40,7 +40,8 @@ from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box, Survey, is_cloud
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool

@@ -20,7 +20,8 @@ from furrowmap.core.live.difference import LIVE_LOG, LOGGED
 from furrowmap.core.live.live_session import LiveScan, LiveSession, warm_up
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, UsageError
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.session.proposal import FILL_IN

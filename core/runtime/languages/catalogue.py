@@ -18,11 +18,10 @@ from importlib.resources import files
 from typing import Final
 
 from furrowmap.core.runtime.languages.messages import expansions, templates
+from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES
 
-ENGLISH: Final = "en"
-LANGUAGES: Final = (ENGLISH, "ja")
-"""ISO 639-1 codes; English is what the texts are written in."""
 HOLE: Final = "…"
+NAMED: Final = re.compile(r"\{[a-z_]")
 SPECIFIC: Final = 8
 """Letters that a template needs to be looked for in any text; others are looked for in texts of their own code."""
 _COMMON: Final = "all"
@@ -115,13 +114,19 @@ def catalogue(language: str) -> Catalogue:
     for name in sorted(f.name for f in folder.iterdir() if f.name.startswith(f"{language}_")):
         if name != f"{language}_messages.toml":
             for code, table in tomllib.loads(folder.joinpath(name).read_text("utf-8")).items():
-                tables.setdefault(code, {}).update(table)
+                for source, target in table.items():
+                    tables.setdefault(code, {}).update(_backwards(source, target))
     if language != ENGLISH:
         for key, parts in templates(ENGLISH).items():
             table = tables.setdefault(key.partition(".")[0], {})
             for part, template in parts.items():
                 table.update(expansions(template, templates(language)[key][part]))
     return Catalogue(tables)
+
+
+def _backwards(source: str, target: str) -> dict[str, str]:
+    """Entries of a text with … for its values."""
+    return dict(expansions(source, target)) if NAMED.search(source) else {source: target}
 
 
 def translated(text: str, language: str, code: str = "") -> str:

@@ -2,89 +2,21 @@
 
 `en_messages.toml` and `ja_messages.toml` have a table for each key: a code, or a code and a variant such as
 `[no-such-file.folder]`. A variant takes the parts that it lacks from its code. Parts are `what`, `meaning` and `remedy`
-of errors, `text` of warnings. In them, `{name}` is a value, `{name:.1f}` a value with its format (English alone states
-formats), and `{name:one|other}` is a choice: `one` where the value is neither None, False nor empty.
+of errors, `text` of warnings; each is a template (:mod:`~furrowmap.core.runtime.languages.templates`).
 """
 
-import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.resources import files
 from itertools import product
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
-from furrowmap.core.runtime.urls import without_passwords
+from furrowmap.core.runtime.languages.templates import Choice, Hole, Part, holes_of, parts_of, walk
+from furrowmap.core.runtime.languages.texts import ENGLISH, Value, plain_value, shown_values
 
-Part: TypeAlias = "str | Hole | Choice"
 ERROR_PARTS: Final = ("what", "meaning", "remedy")
 """Parts of an error, as they are printed below each other."""
-Value: TypeAlias = str | bool | int | float | None
-"""A value of a message: a number in the unit that its name states, a text, or the condition of a choice."""
-_TOKEN: Final = re.compile(r"\{\{|\}\}|[{}|]")
-_HOLE_NAME: Final = re.compile(r"([a-z_0-9]+)(![rs])?(:)?")
-
-
-@dataclass(frozen=True)
-class Hole:
-    """A place for a value; `spec` is a format specification."""
-
-    name: str
-    spec: str
-    conversion: str
-
-
-@dataclass(frozen=True)
-class Choice:
-    """One of two texts."""
-
-    name: str
-    yes: tuple[Part, ...]
-    no: tuple[Part, ...]
-
-
-def parts_of(template: str) -> tuple[Part, ...]:
-    """The literal texts, holes and choices of a template. Raises ValueError if its braces do not match."""
-    found, end = _parse(template, 0, "")
-    if end != len(template):
-        message = f"unbalanced braces: {template!r}"
-        raise ValueError(message)
-    return found
-
-
-def _parse(text: str, start: int, stops: str) -> tuple[tuple[Part, ...], int]:
-    found: list[Part] = []
-    literal = ""
-    at = start
-    while at < len(text) and text[at] not in stops:
-        if text.startswith("{{", at) or (not stops and text.startswith("}}", at)):
-            literal = literal + text[at]
-            at = at + 2
-        elif text[at] == "{":
-            part, at = _named_part(text, at + 1)
-            found += [literal, part] if literal else [part]
-            literal = ""
-        else:
-            literal = literal + text[at]
-            at = at + 1
-    return (*found, literal) if literal else tuple(found), at
-
-
-def _named_part(text: str, start: int) -> tuple[Part, int]:
-    named = _HOLE_NAME.match(text, start)
-    if named is None:
-        message = f"a name is missing behind a brace: {text!r}"
-        raise ValueError(message)
-    name, conversion, colon = named.groups()
-    if not colon:
-        return Hole(name, "", (conversion or "")[1:]), named.end() + 1
-    plain = _TOKEN.search(text, named.end())
-    if plain is not None and plain[0].startswith("}"):
-        return Hole(name, text[named.end() : plain.start()], (conversion or "")[1:]), plain.start() + 1
-    yes, bar = _parse(text, named.end(), "|")
-    no, end = _parse(text, bar + 1, "}")
-    return Choice(name, yes, no), end + 1
 
 
 @cache
@@ -109,26 +41,10 @@ def sentences(language: str, key: str) -> Mapping[str, tuple[Part, ...]]:
     return {part: parts_of(template) for part, template in found.items()}
 
 
-def walk(parts: tuple[Part, ...]) -> Iterator[Hole | Choice]:
-    """Every hole and choice, also those within choices."""
-    for part in parts:
-        if isinstance(part, str):
-            continue
-        yield part
-        if isinstance(part, Choice):
-            yield from walk(part.yes)
-            yield from walk(part.no)
-
-
 @cache
 def holes(key: str) -> Mapping[str, Hole | Choice]:
     """The names of the values of a key; a name of a hole and of a choice counts as a hole."""
-    found: dict[str, Hole | Choice] = {}
-    for parts in sentences("en", key).values():
-        for part in walk(parts):
-            if isinstance(part, Hole) or part.name not in found:
-                found[part.name] = part
-    return found
+    return holes_of(sentences(ENGLISH, key).values())
 
 
 def plain_values(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
@@ -141,53 +57,12 @@ def plain_values(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
     if not sentences_themselves and holes(key).keys() != values.keys():
         message = f"{key}: values {sorted(values)} for {sorted(holes(key))}"
         raise KeyError(message)
-    return {name: _plain_value(value) for name, value in values.items()}
+    return {name: plain_value(value) for name, value in values.items()}
 
 
-def _plain_value(value: Any) -> Value:
-    if hasattr(value, "dtype"):  # a scalar of numpy, which `--help` does not import
-        value = value.item()
-    if value is None or isinstance(value, bool):
-        return value
-    if isinstance(value, int):
-        return int(value)
-    return float(value) if isinstance(value, float) else without_passwords(str(value))
-
-
-def printed(key: str, values: Mapping[str, Value]) -> dict[str, Value]:
-    """Values of a key as its sentences show them: a string for each hole, a bool for each choice alone."""
-    wanted = holes(key)
-    found: dict[str, Value] = {}
-    for name, value in values.items():
-        hole = wanted[name]
-        if isinstance(hole, Choice):
-            found[name] = bool(value)
-        elif value is None or value is False:
-            found[name] = value
-        else:
-            shown = repr(value) if hole.conversion == "r" else value
-            found[name] = format(shown, hole.spec) if hole.spec else str(shown)
-    return found
-
-
-def fill(
-    parts: tuple[Part, ...], values: Mapping[str, Value], said: Callable[[str], str] = str, before: str = ""
-) -> str:
-    """The text of a template with values, after the text before it.
-
-    `said` translates them, but for those in backticks.
-    """
-    text = before
-    for part in parts:
-        if isinstance(part, str):
-            text += part
-        elif isinstance(part, Hole):
-            value = str(values[part.name])
-            text += value if text.count("`") % 2 else said(value)
-        else:
-            chosen = values[part.name]
-            text = fill(part.no if chosen is None or chosen is False or chosen == "" else part.yes, values, said, text)
-    return text
+def printed(key: str, values: Mapping[str, Value], language: str = ENGLISH) -> dict[str, str | bool | None]:
+    """Values of a key as its sentences show them in a language."""
+    return shown_values(sentences(ENGLISH, key).values(), values.items(), language)
 
 
 def expansions(english: str, other: str) -> Iterator[tuple[str, str]]:

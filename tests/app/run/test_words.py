@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import pytest
 
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.workflows.run.words import run_words
 
 RUNS: Final = Path(__file__).with_name("last_lines")

@@ -13,18 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import SETTING_REMEDIES, InputError, Notice, RefusedError
-from furrowmap.core.runtime.languages.messages import (
-    Choice,
-    Hole,
-    expansions,
-    fill,
-    holes,
-    parts_of,
-    printed,
-    sentences,
-    templates,
-    walk,
-)
+from furrowmap.core.runtime.languages.messages import expansions, holes, printed, sentences, templates
+from furrowmap.core.runtime.languages.templates import Choice, Hole, fill, parts_of, walk
 
 ENGLISH = re.compile(r"\b[a-z]{2,} [a-z]{2,}\b")
 """Two words of English beside each other."""

@@ -1,0 +1,111 @@
+"""Texts of the product within messages, pages and layers: an English template and values, shown in any language.
+
+The English template is the key of the text in the catalogues of other languages, as with gettext: `ja_phrases.toml` has
+
+    "line {line} names {name!r}" = "{line} 行目に {name} があります"
+
+A catalogue is all files of a language but that of its messages, such as `ja_pages.toml`. A template that a catalogue
+lacks is shown in English.
+"""
+
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+from furrowmap.core.runtime.languages.templates import Hole, Part, fill, holes_of, parts_of, shown
+from furrowmap.core.runtime.urls import without_passwords
+
+ENGLISH: Final = "en"
+LANGUAGES: Final = (ENGLISH, "ja")
+"""ISO 639-1 codes; English is what the texts are written in."""
+
+
+@dataclass(frozen=True, init=False)
+class Text:
+    """A text of the product: an English template and its values.
+
+    >>> str(Text("line {line} has no {names:or}", line=3, names=("id", "name", "place")))
+    'line 3 has no id, name or place'
+    """
+
+    template: str
+    values: "tuple[tuple[str, Value], ...]"
+
+    def __init__(self, template: str, /, **values: object) -> None:
+        object.__setattr__(self, "template", template)
+        object.__setattr__(self, "values", tuple((name, plain_value(value)) for name, value in values.items()))
+
+    def __str__(self) -> str:
+        return self.in_language(ENGLISH)
+
+    def in_language(self, language: str) -> str:
+        """The text in a language; a template that its catalogue lacks in English."""
+        template = texts_of(language).get(self.template, self.template)
+        return fill(parts_of(template), shown_values([parts_of(self.template)], self.values, language))
+
+
+Words: TypeAlias = str | Text
+"""What can stand in a sentence: a name that is the same in every language, or a text of the product."""
+Value: TypeAlias = str | bool | int | float | Text | tuple[str | int | float | Text, ...] | None
+"""A value of a text: a number in the unit that its name states, a text, a list, or the condition of a choice."""
+SEPARATORS: Final = {"": (", ", ", "), ";": ("; ", "; "), ".": (" ", " "), "and": (", ", " and "), "or": (", ", " or ")}
+"""What stands between the items of a list, and before its last, by the format that its hole states."""
+
+
+def shown_values(
+    parts: Iterable[tuple[Part, ...]], values: Iterable[tuple[str, Value]], language: str
+) -> dict[str, str | bool | None]:
+    """Values as templates with these English parts show them in a language."""
+    wanted = holes_of(parts)
+    found: dict[str, str | bool | None] = {}
+    for name, value in values:
+        hole = wanted[name]
+        if isinstance(value, tuple) and isinstance(hole, Hole):
+            found[name] = joined(value, hole.spec, language)
+        else:
+            found[name] = shown(in_language(value, language), hole)
+    return found
+
+
+def joined(items: Sequence[str | int | float | Text], style: str, language: str) -> str:
+    """A list in a language, with the separators of a style; empty for none."""
+    between, last = (texts_of(language).get(mark, mark) for mark in SEPARATORS[style])
+    said = [str(in_language(item, language)) for item in items]
+    return last.join([between.join(said[:-1]), said[-1]]) if len(said) > 1 else "".join(said)
+
+
+def in_language(value: Value, language: str) -> object:
+    """A value, with a text of the product in a language."""
+    return value.in_language(language) if isinstance(value, Text) else value
+
+
+def plain_value(value: Any) -> Value:
+    """A value as one of Python's own numbers, a text, a string without passwords of URLs, or a tuple of these."""
+    if hasattr(value, "dtype"):  # a scalar of numpy, which `--help` does not import
+        value = value.item()
+    if value is None or isinstance(value, bool | Text):
+        return value
+    if isinstance(value, list | tuple):
+        return tuple(str(item) if isinstance(item, Path) else item for item in value)
+    if isinstance(value, int):
+        return int(value)
+    return float(value) if isinstance(value, float) else without_passwords(str(value))
+
+
+@cache
+def texts_of(language: str) -> Mapping[str, str]:
+    """The texts of a language by their English templates; none for English. ValueError for an unknown language."""
+    if language not in LANGUAGES:
+        message = f"there is no catalogue of {language!r}"
+        raise ValueError(message)
+    found: dict[str, str] = {}
+    folder = files("furrowmap.core.runtime.languages")
+    for name in sorted(f.name for f in folder.iterdir() if f.name.startswith(f"{language}_")):
+        if language != ENGLISH and name != f"{language}_messages.toml":
+            for table in tomllib.loads(folder.joinpath(name).read_text("utf-8")).values():
+                found |= table
+    return found
