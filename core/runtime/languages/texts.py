@@ -52,7 +52,13 @@ Words: TypeAlias = str | Text
 """What can stand in a sentence: a name that is the same in every language, or a text of the product."""
 Value: TypeAlias = str | bool | int | float | Text | tuple[str | int | float | Text, ...] | None
 """A value of a text: a number in the unit that its name states, a text, a list, or the condition of a choice."""
-SEPARATORS: Final = {"": (", ", ", "), ";": ("; ", "; "), ".": (" ", " "), "and": (", ", " and "), "or": (", ", " or ")}
+LIST_STYLES: Final = {
+    "": (", ", ", "),
+    ";": ("; ", "; "),
+    ".": (" ", " "),
+    "and": (", ", " and "),
+    "or": (", ", " or "),
+}
 """What stands between the items of a list, and before its last, by the format that its hole states."""
 
 
@@ -73,7 +79,7 @@ def shown_values(
 
 def joined(items: Sequence[str | int | float | Text], style: str, language: str) -> str:
     """A list in a language, with the separators of a style; empty for none."""
-    between, last = (texts_of(language).get(mark, mark) for mark in SEPARATORS[style])
+    between, last = (texts_of(language).get(mark, mark) for mark in LIST_STYLES[style])
     said = [str(in_language(item, language)) for item in items]
     return last.join([between.join(said[:-1]), said[-1]]) if len(said) > 1 else "".join(said)
 

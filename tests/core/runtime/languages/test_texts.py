@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.json_text import from_kept_json, kept_json, plain
-from furrowmap.core.runtime.languages.texts import LANGUAGES, SEPARATORS, Text, joined, texts_of
+from furrowmap.core.runtime.languages.texts import LANGUAGES, LIST_STYLES, Text, joined, texts_of
 
 
 @given(st.integers(), st.text(min_size=1))
@@ -56,4 +56,4 @@ def test_text__comes_back_from_another_process_and_from_a_file() -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES[1:])
 def test_separators__of_lists_are_in_every_language(language: str) -> None:
-    assert {mark for style in SEPARATORS.values() for mark in style} <= texts_of(language).keys()
+    assert {mark for style in LIST_STYLES.values() for mark in style} <= texts_of(language).keys()
