@@ -19,11 +19,11 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from furrowmap.core.simulator.noise import FloatArray, random_for
+from furrowmap.core.simulator.noise import Float32Array, FloatArray, random_for
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.site import CELL_M as CELL
 from furrowmap.core.simulator.site import CROP_CELL_M as CROP_CELL
-from furrowmap.core.simulator.soil_over_time import NOISE_BLOCK, Ground, ceiling_of, relief_at
+from furrowmap.core.simulator.soil_over_time import NOISE_BLOCK, Ground, ceiling_of, relief_at, tops_of
 
 
 class Met(IntEnum):
@@ -62,6 +62,8 @@ _SEPARATION_M: Final = 1.0
 _CELL_SHARE: Final = 0.8
 _CROP_SHARE: Final = 0.2
 """Half of a crop row's width as a share of the distance of rows."""
+_ROUNDING_M: Final = 1e-6
+"""Something may be met so much above the highest in a cell, which is a sum of float32."""
 _FAINT: Final = 0.0082
 """Reflectivity · cos(incidence) / range² at which one pulse in e is lost: soil at 17 m from a sensor 2.4 m high."""
 
@@ -81,6 +83,8 @@ class Scene(NamedTuple):
         dust: (6,) centre and radii of the dust cloud in the vehicle frame.
         crop: (rows, cols) height of the crop on cells of CROP_CELL_M; (0, 0) where there is none.
         extinction: of the crop, a metre of beam.
+        tops: (rows, cols) highest relief ever of a cell and of the cells round it, with straw and crop.
+        highest: of all ceilings of the ground.
     """
 
     ground: Ground
@@ -92,6 +96,8 @@ class Scene(NamedTuple):
     dust: FloatArray
     crop: NDArray[np.float32]
     extinction: float
+    tops: Float32Array
+    highest: float
 
 
 @dataclass(frozen=True)
@@ -196,13 +202,18 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
     soil = scenario.soil
     flight = scenario.flight
     body = scenario.tractor.body_boxes_m if flight is None else flight.body_boxes_m
+    straw = np.array([soil.straw_share, soil.straw_height_m, soil.straw_hit, *_crop_rows(scenario)])
+    tops = np.maximum(np.maximum(ground.before, ground.middle), ground.after)
     if crop is not None:
         row, col = (np.floor((np.arange(k) + 0.5) * (CELL / CROP_CELL)).astype(np.int64) for k in ground.before.shape)
         highest: NDArray[np.float32] = maximum_filter(crop, 3, mode="wrap")[row[:, None], col]
+        tops = np.maximum(tops, ground.before + highest)
         ground = ground._replace(ceiling=ceiling_of(ground.before + highest))
+    tops = tops_of(tops)
+    _add_straw(tops, straw, _seed_of_beams(scenario))
     return Scene(
         ground,
-        np.array([soil.straw_share, soil.straw_height_m, soil.straw_hit, *_crop_rows(scenario)]),
+        straw,
         np.array(walls, np.float64).reshape(-1, 9),
         np.array(posts, np.float64).reshape(-1, 5),
         np.array(body, np.float64).reshape(-1, 6),
@@ -210,6 +221,8 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
         np.array([x + _DUST_CENTRE[0], y, _DUST_CENTRE[1], *_DUST_RADII]),
         np.zeros((0, 0), np.float32) if crop is None else crop,
         0.0 if flight is None else flight.extinction_per_m,
+        tops,
+        float(ground.ceiling.max()),
     )
 
 
@@ -246,8 +259,12 @@ def make_optics(scenario: Scenario, beams: Beams, mount: FloatArray) -> Optics:
         np.array([lidar.min_range_m, lidar.max_range_m]),
         beams.origin_m,
         beams.step_m,
-        int(random_for(scenario.seed, "beams").integers(2**62)),
+        _seed_of_beams(scenario),
     )
+
+
+def _seed_of_beams(scenario: Scenario) -> int:
+    return int(random_for(scenario.seed, "beams").integers(2**62))
 
 
 def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
@@ -279,6 +296,25 @@ def _chance(seed, ray, draw):  # type: ignore[no-untyped-def]
     """A number from (0, 1) for a ray and a purpose."""
     state = np.uint64(seed) + np.uint64(ray * 16 + draw + 1) * np.uint64(0x9E3779B97F4A7C15)
     return (np.float64(_mix(state) >> np.uint64(11)) + 0.5) * (1.0 / 9007199254740992.0)
+
+
+@njit(cache=True, nogil=True)
+def _straw_height(seed, place, straw):  # type: ignore[no-untyped-def]
+    """Height of the straw of a cell: most of it is short; plants of a crop, in rows, are nearly alike."""
+    chance = _chance(seed, place, 15)
+    rows_of_crop = straw[3] != 0.0 or straw[4] != 0.0
+    return straw[1] * (0.8 + 0.2 * chance if rows_of_crop else chance**3)
+
+
+@njit(cache=True, nogil=True)
+def _add_straw(tops, straw, seed):  # type: ignore[no-untyped-def]
+    """Raise the highest of each cell by its straw."""
+    rows, cols = tops.shape
+    for row in range(rows):
+        for col in range(cols):
+            place = row * cols + col
+            if _chance(seed, place, 14) < straw[0]:
+                tops[row, col] += _straw_height(seed, place, straw)
 
 
 @njit(cache=True, nogil=True)
@@ -346,7 +382,11 @@ def _meet_post(x, y, z, dx, dy, dz, post):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _wrap(i, n):  # type: ignore[no-untyped-def]
     """The row or column of the ground that stands for `i`, the ground repeating itself beyond its edges."""
-    return i if 0 <= i < n else i % n
+    if i >= n:
+        return i - n if i < 2 * n else i % n
+    if i < 0:
+        return i + n if i >= -n else i % n
+    return i
 
 
 @njit(cache=True, nogil=True)
@@ -362,7 +402,8 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
     block = NOISE_BLOCK * CELL
     cell = min(CELL, CROP_CELL) if len(crop) else CELL
     step = _CELL_SHARE * cell / max(math.hypot(dx, dy), 0.2)
-    s = 0.0
+    # nothing is met above the highest ceiling; a beam enters the first block from the one before
+    s = max(0.0, (scene.highest + straw[1] - z) / dz - 2.0 * block / max(abs(dx), abs(dy), 0.01))
     while s < far:
         within = s + 1e-4  # a beam that stands on a border belongs to the block it goes into
         i = math.floor((y + within * dy) / block)
@@ -383,6 +424,13 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
             e = x + ahead * dx
             n = y + ahead * dy
             height = z + ahead * dz
+            row = math.floor(n / CELL)
+            col = math.floor(e / CELL)
+            wrapped_row = _wrap(row, rows)
+            wrapped_col = _wrap(col, cols)
+            if height > scene.tops[wrapped_row, wrapped_col] + _ROUNDING_M:
+                s = ahead
+                continue
             if height < ceiling and height < relief_at(ground, e, n, t):
                 low = s
                 high = ahead
@@ -393,9 +441,7 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
                     else:
                         high = middle
                 return 0.5 * (low + high), _MET_SOIL
-            row = math.floor(n / CELL)
-            col = math.floor(e / CELL)
-            place = _wrap(row, rows) * cols + _wrap(col, cols)
+            place = wrapped_row * cols + wrapped_col
             if len(crop) and height < ceiling:
                 crop_row = math.floor(n / CROP_CELL)
                 crop_col = math.floor(e / CROP_CELL)
@@ -410,9 +456,7 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
             stands = not rows_of_crop or abs(count - round(count)) < _CROP_SHARE
             if stands and _chance(seed, place, 14) < straw[0] and _chance(seed + row * 7 + col, ray, 13) < straw[2]:
                 inside = 0 <= row < rows and 0 <= col < cols
-                # most of straw is short; plants of a crop are nearly alike
-                chance = _chance(seed, place, 15)
-                tall = straw[1] * (0.8 + 0.2 * chance if rows_of_crop else chance**3)
+                tall = _straw_height(seed, place, straw)
                 bare = inside and (t >= ground.first_s[row, col] or ground.worked_earlier[row, col])
                 if not bare and height < tall + relief_at(ground, e, n, t):
                     return ahead, _MET_STRAW

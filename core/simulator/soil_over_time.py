@@ -245,12 +245,17 @@ def _field(
 def ceiling_of(highest: Float32Array) -> Float32Array:
     """Highest value of every block of BLOCK by BLOCK cells and of the cells round it."""
     rows, cols = highest.shape
+    return np.ascontiguousarray(
+        tops_of(highest).reshape(rows // NOISE_BLOCK, NOISE_BLOCK, cols // NOISE_BLOCK, NOISE_BLOCK).max(axis=(1, 3))
+    )
+
+
+def tops_of(highest: Float32Array) -> Float32Array:
+    """Highest value of every cell and of the cells round it."""
     wide = highest.copy()
     for axis in (0, 1):
         np.maximum(wide, np.maximum(np.roll(wide, 1, axis), np.roll(wide, -1, axis)), out=wide)
-    return np.ascontiguousarray(
-        wide.reshape(rows // NOISE_BLOCK, NOISE_BLOCK, cols // NOISE_BLOCK, NOISE_BLOCK).max(axis=(1, 3))
-    )
+    return wide
 
 
 @njit(cache=True, nogil=True)
