@@ -23,6 +23,8 @@ from tests.core.readers.watched_files import bait_beside
 from tests.exporters.farm.result_folders import write_result
 
 FORMATS = ("gpkg", "csv", "isoxml", "stac", "tum", "glb")
+ONE_PROCESS = furrowmap.SeasonSettings(workers=1)
+"""Others would import everything anew for each result; they run the same code."""
 COMMANDS: dict[str, Callable[[Path, Path], object]] = {
     "open_result": lambda result, _: furrowmap.open_result(result).layers["passes"],
     "dsm": lambda result, _: furrowmap.open_result(result).dsm,
@@ -30,7 +32,7 @@ COMMANDS: dict[str, Callable[[Path, Path], object]] = {
     "share --qfield": lambda result, out: furrowmap.share(result, out / "project", qfield=True),
     "farm add": lambda result, out: furrowmap.add_to_farm_map(out / "farm.gpkg", [result]),
     "farm mosaic": lambda result, out: furrowmap.mosaic([result], out / "mosaic.tif"),
-    "season": lambda result, out: furrowmap.season([result], out / "season"),
+    "season": lambda result, out: furrowmap.season([result], out / "season", ONE_PROCESS),
     "tie": lambda result, out: furrowmap.tie([result, result], out / "tie"),
     **{
         f"export {to}": lambda result, out, to=to: furrowmap.export([result], to, out / f"out.{to}")  # type: ignore[misc]
