@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -100,16 +101,34 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def run_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], Path]], furrowmap.Result]:
-    """Runs a session once for the tests of all processes; takes a name and what writes the session to a folder."""
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """A folder that is filled once for the tests of all processes; takes its name and what fills it."""
     base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "runs"
-    folder.mkdir(exist_ok=True)
+    shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "made_once"
+    shared.mkdir(exist_ok=True)
+
+    def filled(name: str, fill: Callable[[Path], object]) -> Path:
+        folder, complete = shared / name, shared / f"{name}.complete"
+        with locked(shared / f"{name}.lock"):
+            if not complete.exists():
+                shutil.rmtree(folder, ignore_errors=True)  # of a process that failed
+                folder.mkdir()
+                fill(folder)
+                complete.touch()
+        return folder
+
+    return filled
+
+
+@pytest.fixture(scope="session")
+def run_once(
+    made_once: Callable[[str, Callable[[Path], object]], Path],
+) -> Callable[[str, Callable[[Path], Path]], furrowmap.Result]:
+    """Runs a session once for the tests of all processes; takes a name and what writes the session to a folder."""
 
     def result(name: str, session_in: Callable[[Path], Path]) -> furrowmap.Result:
-        out = folder / name / "out"
-        with locked(folder / f"{name}.lock"):
-            return furrowmap.open_result(out) if out.is_dir() else furrowmap.run(session_in(folder / name / "in"), out)
+        folder = made_once(name, lambda folder: furrowmap.run(session_in(folder / "in"), folder / "out"))
+        return furrowmap.open_result(folder / "out")
 
     return result
 

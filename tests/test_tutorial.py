@@ -8,6 +8,7 @@ import re
 import runpy
 import shutil
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import laspy
@@ -16,6 +17,7 @@ import pytest
 from matplotlib.image import imread
 
 from furrowmap.core.values.rotation import mounting_rotation
+from tests.one_pass import make_one_pass
 from tests.typed_pages import type_page
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -39,10 +41,12 @@ def own_recording(tutorial: Path, tmp_path_factory: pytest.TempPathFactory) -> P
     return folder
 
 
-def test_readme__is_typed_with_the_recording_of_the_tutorial(tutorial: Path, tmp_path: Path) -> None:
+def test_readme__is_typed_with_a_recording(
+    made_once: Callable[[str, Callable[[Path], object]], Path], tmp_path: Path
+) -> None:
     """Nothing is entered in the session, as by somebody in a hurry: a result all the same."""
-    (tmp_path / "recording.pcap").write_bytes(gzip.decompress((tutorial / "first" / "recording.pcap.gz").read_bytes()))
-    shutil.copyfile(tutorial / "first" / "gnss.nmea", tmp_path / "gnss.nmea")
+    for name in ("recording.pcap", "gnss.nmea"):
+        shutil.copyfile(made_once("one_pass", make_one_pass) / "drive" / name, tmp_path / name)
     assert set(type_page("../README.md", tmp_path)) == {"inspect", "init", "run"}
     page = (CHECKOUT / "README.md").read_text(encoding="utf-8")
     named = set(re.findall(r"result/([\w.]+)", page))

@@ -24,7 +24,7 @@ import pytest
 import furrowmap
 from furrowmap.cli.main import furrowmap as program_of_commands
 from tests.app.command_cases import CASES, WITHOUT_FILES, Case, materials
-from tests.app.test_killed import KILLS, Mortal
+from tests.app.killing import KILLS, Mortal
 
 DISK_BYTES = 256 << 20
 ALWAYS = ("run", "batch", "surface", "parcels", "export gpkg", "share", "farm add", "check --table")
@@ -54,13 +54,6 @@ def test_every_command_is_a_case_or_writes_no_files() -> None:
     missing = {name for name in commands() if not any(f"{one} ".startswith(f"{name} ") for one in known)}
     assert not missing, "add them to tests/app/command_cases.py"
     assert not {one for one in known if not any(f"{one} ".startswith(f"{name} ") for name in commands())}
-
-
-@pytest.fixture(scope="module")
-def program() -> Iterator[Mortal]:
-    program = Mortal()
-    yield program
-    program.close()
 
 
 @pytest.fixture(scope="module")

@@ -7,26 +7,18 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.app.killing import ALWAYS, KILLS, Mortal
 from tests.app.obstacles import OBSTACLES, obstacle
-from tests.app.test_killed import ALWAYS, KILLS, Mortal
 from tests.app.writers import WRITERS
 
 LONGEST_S = 240.0
 REPLACED = ("symbolic link", "dangling link", "hard link")
 """What a new file takes the place of; what it leads to is unchanged."""
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="links, pipes and sockets need rights there")
-
-
-@pytest.fixture(scope="module")
-def program() -> Iterator[Mortal]:
-    program = Mortal()
-    yield program
-    program.close()
 
 
 @pytest.mark.parametrize("deed", sorted(WRITERS) if KILLS else ALWAYS)

@@ -29,7 +29,7 @@ from furrowmap.cli.main import COMMANDS
 from furrowmap.exporters.reports import html_pages as pages
 from tests.app.crops.test_growth import CRS, EAST, NORTH, PLOTS, write_flight
 from tests.app.crops.test_response import doses, table
-from tests.app.test_killed import KILLS
+from tests.app.killing import KILLS
 from tests.app.watched import Seen, strace, watched
 from tests.conftest import CHECKOUT
 from tests.fuzz.texts import worked

@@ -7,7 +7,6 @@ import gzip
 import json
 import signal
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 from threading import Event
@@ -20,17 +19,10 @@ import furrowmap
 from furrowmap.core.live.difference import LIVE_LOG, LOGGED
 from furrowmap.core.simulator.scenario import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
-from tests.app.test_killed import KILLS, Mortal
+from tests.app.killing import KILLS, Mortal
 
 LONGEST_S = 4.0
 pytestmark = pytest.mark.skipif(sys.platform == "win32" or not KILLS, reason="a part of make kills")
-
-
-@pytest.fixture(scope="module")
-def program() -> Iterator[Mortal]:
-    program = Mortal()
-    yield program
-    program.close()
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,7 @@ import furrowmap
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-
-from ..conftest import SCENARIO
+from tests.one_pass import SCENARIO
 
 
 @pytest.mark.parametrize("model", ["OS1-32", "Mid-360"])

@@ -9,7 +9,7 @@ import pytest
 
 import furrowmap
 from furrowmap.core.runtime.errors import Cancelled, InputError
-from tests.app.conftest import SCENARIO
+from tests.one_pass import SCENARIO
 
 
 @pytest.fixture
