@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las.cloud import BATCH_POINTS, Box, CloudFile, open_cloud
 from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.exporters.files import result_folder
 from furrowmap.exporters.files.result_folder import CHANGE, CLOUD, DSM, DSM_BEFORE, ResultFolder
 from furrowmap.exporters.files.vector_layers import geodataframe
@@ -277,7 +278,7 @@ def read_raster(path: Path) -> Any:
 
     with open_geotiff(path, _no_raster) as source:
         if source.crs is None:
-            raise _no_raster(path, "has no CRS")
+            raise _no_raster(path, Text("has no CRS"))
         expect_memory(path, source.width * source.height * np.dtype(source.dtypes[0]).itemsize)
         if source.transform.b or source.transform.d:
             raise _no_raster(path, "has rotated or sheared cells")
@@ -300,5 +301,5 @@ def read_raster(path: Path) -> Any:
     return xarray.DataArray(array, {"y": y, "x": x}, ("y", "x"), path.stem, attributes)
 
 
-def _no_raster(path: Path, why: str) -> InputError:
+def _no_raster(path: Path, why: Words) -> InputError:
     return InputError("raster-unreadable", path=path, why=why)

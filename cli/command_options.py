@@ -13,7 +13,7 @@ import click
 
 from furrowmap.cli.console import Console
 from furrowmap.core.runtime.errors import UsageError
-from furrowmap.core.runtime.languages.texts import LANGUAGES
+from furrowmap.core.runtime.languages.texts import LANGUAGES, Text, Words
 from furrowmap.core.runtime.options import Option, options_of
 from furrowmap.core.runtime.settings import ALLOWANCES, allowing, using_threads
 from furrowmap.core.runtime.write_errors import temporary_elsewhere
@@ -33,16 +33,16 @@ VALUE_TYPES: Final[Mapping[str, click.ParamType[Any] | type]] = {
 """Type of the value by the metavar of an option; text for others."""
 POSITION_METAVAR: Final = "LAT,LON,HEIGHT"
 NUMBER_LISTS: Final[
-    Mapping[str, tuple[int | None, Callable[[list[float]], bool], str, Callable[[list[float]], object]]]
+    Mapping[str, tuple[int | None, Callable[[list[float]], bool], Words, Callable[[list[float]], object]]]
 ] = {
     "W,S,E,N": (4, lambda box: box[0] < box[2] and box[1] < box[3], "W,S,E,N with W < E and S < N", tuple),
     "N,N": (
         None,
         set(range(256)).issuperset,
-        "a list of classes from 0 to 255 separated by commas",
+        Text("a list of classes from 0 to 255 separated by commas"),
         lambda classes: frozenset(map(int, classes)),
     ),
-    "ENDS,SIDES": (2, lambda widths: min(widths) >= 0.0, "two widths in metres", tuple),
+    "ENDS,SIDES": (2, lambda widths: min(widths) >= 0.0, Text("two widths in metres"), tuple),
 }
 """Lists of numbers by the metavar: how many, which are valid, what is wanted, and what becomes of them."""
 
@@ -231,7 +231,11 @@ def value_of(option: Option, value: Any) -> Any:
     count, is_valid, wanted, kind = NUMBER_LISTS[option.metavar]
     found = numbers(value)
     if not found or (count and len(found) != count):
-        wanted = f"a list of {count} numbers separated by commas" if count else "a list of numbers separated by commas"
+        wanted = (
+            Text("a list of {count} numbers separated by commas", count=count)
+            if count
+            else Text("a list of numbers separated by commas")
+        )
     elif is_valid(found):
         return kind(found)
     raise UsageError("usage.no-list", option=option.name, text=value, wanted=wanted)

@@ -115,7 +115,7 @@ def _inspection_words(inspection: Inspection) -> str:
         for reading in inspection.clocks
     ]
     rows += [("notice", printable(notice.text)) for notice in inspection.notices]
-    return f"{printable(str(inspection.path))}: {printable(inspection.title)}\n{table(rows)}"
+    return f"{printable(str(inspection.path))}: {printable(inspection.title.in_language(language_of_user()))}\n{table(rows)}"
 
 
 @group(

@@ -21,6 +21,7 @@ from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
 from furrowmap.core.runtime.arrays import FloatArray, three
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 
 STEP_SHARE: Final = 0.15
@@ -215,11 +216,15 @@ def _point_check(name: str, place: tuple[float, float, float], around: _ReturnsA
     swath = around.swath[close]
     plane = local_plane(xyz)
     if plane is None:
-        why = f"has {len(xyz)} returns within {PLANE_RADIUS_M:g} m" + (", too few on all sides" if len(xyz) else "")
+        why = Text(
+            "has {returns} returns within {radius_m:g} m{returns:, too few on all sides|}",
+            returns=len(xyz),
+            radius_m=PLANE_RADIUS_M,
+        )
         return PointCheck(name, place, (east, north, np.nan), len(xyz), why_not=why)
     if plane.steepness > MAX_PLANE_SLOPE:
         found = (east, north, np.nan)
-        why = "lies on an edge or a steep slope"
+        why = Text("lies on an edge or a steep slope")
         return PointCheck(name, place, found, len(xyz), plane.steepness, why_not=why)
     found = (east, north, place[2] + plane.height_m)
     return PointCheck(name, place, found, len(xyz), plane.steepness, _swath_heights(xyz, swath, place[2]))

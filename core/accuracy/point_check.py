@@ -16,6 +16,7 @@ from furrowmap.core.readers.raster_heights import open_heights
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text, Words
 
 SwathKey = Literal["times", "sources", "nothing"]
 
@@ -138,7 +139,7 @@ class PointCheck:
     Attributes:
         found_m: of the product; nan where unknown, easting and northing without a target.
         returns: used for the height; 0 for a surface.
-        why_not: why the height was not compared; else empty.
+        why_not: why the height was not compared; else None.
     """
 
     name: str
@@ -147,7 +148,7 @@ class PointCheck:
     returns: int = 0
     slope: float = float("nan")
     swaths: SwathHeights = NO_SWATHS
-    why_not: str = ""
+    why_not: Text | None = None
 
     @property
     def error_m(self) -> FloatArray:
@@ -159,7 +160,7 @@ class PointCheck:
         error = [rounded(value, 4) for value in self.error_m.tolist()]
         values = (
             self.name, *(round(value, 4) for value in self.surveyed_m), *error, self.returns, rounded(self.slope, 3),
-            rounded(self.swaths.spread_m, 4), len(self.swaths.height_m), self.why_not,
+            rounded(self.swaths.spread_m, 4), len(self.swaths.height_m), str(self.why_not or ""),
         )  # fmt: skip
         return dict(zip(CHECK_COLUMNS, values, strict=True))
 
@@ -196,11 +197,11 @@ def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = Su
             down = row - 0.5 - top
             share = np.outer([1.0 - down, down], [1.0 - right, right])
             height = float(np.sum(np.where(share > 0.0, cells * share, 0.0)))
-            why = "" if np.isfinite(height) else "lies where the surface has no heights"
+            why = None if np.isfinite(height) else Text("lies where the surface has no heights")
             found = (np.nan, np.nan, height)
             checks.append(PointCheck(name, three(xyz), found, why_not=why))
     return ProductAtPoints(crs, tuple(checks), survey, box, "nothing", (*raster.scale.notices, *survey.notices))
 
 
-def _no_surface(path: Path, why: str) -> InputError:
+def _no_surface(path: Path, why: Words) -> InputError:
     return InputError("check-product", path=path, why=why)

@@ -25,6 +25,7 @@ from furrowmap.core.readers.las.cloud import is_cloud
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import CHECK_POINTS_OFF, InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 
 MIN_CHECK_POINTS: Final = 30
@@ -273,7 +274,7 @@ def accuracy_notices(
     notices = []
     unused = [check for check in checks if check.why_not]
     if unused:
-        reasons = "; ".join(f"{check.name} {check.why_not}" for check in unused[:3])
+        reasons = tuple(Text("{name} {why_not}", name=check.name, why_not=check.why_not) for check in unused[:3])
         notices.append(
             Notice("check-unused", unused=len(unused), checks=len(checks), reasons=reasons, more=len(unused) > 3)
         )

@@ -17,6 +17,7 @@ from furrowmap.core.readers.areas.polygons import IDS
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.parcel import Attribute, Parcel
 from furrowmap.core.values.plot_grid import PlotGrid
 
@@ -246,7 +247,7 @@ def _label(value: object) -> str:
 
 
 def _read_polygons(path: Path, target: CRS, notices: list[Notice]) -> list[_GrossParcel]:
-    def unreadable(why: str) -> InputError:
+    def unreadable(why: Words) -> InputError:
         return InputError("parcels-unreadable", path=path, why=why, formats=VECTOR_FORMATS)
 
     polygons = polygons_on_map(path, target, unreadable)
@@ -257,7 +258,7 @@ def _read_polygons(path: Path, target: CRS, notices: list[Notice]) -> list[_Gros
     named = list(zip(names, polygons.shapes, strict=True))
     several = [name for name, shape in named if not isinstance(shape, shapely.Polygon)]
     crossed = [name for name, shape in named if not (shape.is_valid and shape.area > MIN_PARCEL_M2)]
-    for faulty, fault in ((several, "several parts"), (crossed, "a ring that crosses itself, or no area")):
+    for faulty, fault in ((several, Text("several parts")), (crossed, Text("a ring that crosses itself, or no area"))):
         if faulty:
             raise InputError("parcels-invalid", path=path, faulty=list_names(faulty, "parcel"), fault=fault)
     return [

@@ -30,6 +30,7 @@ from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
 from furrowmap.core.readers.raster_heights import HeightRaster, open_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.values.parcel import Parcel, SoilMethod
 
@@ -134,7 +135,7 @@ def open_soil_raster(path: Path, target: CRS, box_m: tuple[float, float, float, 
     Raises InputError if it is no such raster, RefusedError if PROJ has no exact transformation to its CRS.
     """
 
-    def unusable(path: Path, why: str) -> InputError:
+    def unusable(path: Path, why: Words) -> InputError:
         return InputError("soil-unusable", path=path, why=why)
 
     with open_heights(path, unusable) as raster:

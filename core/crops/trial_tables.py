@@ -15,6 +15,7 @@ from furrowmap.core.readers.areas.polygons import IDS
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.parcel import Attribute, Parcel
 
 TREATMENT: Final = "treatment"
@@ -55,13 +56,13 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
     an identifier twice (without dates) or a day that is none, or has doses by date and `day` is not known.
     """
 
-    def unreadable(why: str) -> InputError:
+    def unreadable(why: Words) -> InputError:
         return InputError("treatments-unreadable", path=path, why=why)
 
     table = read_table(path, unreadable)
     column = table.find((*IDS, TREATMENT))
     if column is None or not table.lines:
-        raise unreadable(f"no rows under a column id or treatment (its columns: {table.names})")
+        raise unreadable(Text("no rows under a column id or treatment (its columns: {names})", names=table.names))
     dated = {name: found for name in table.columns if (found := _DAY.match(name)) is not None}
     doses = [(found["what"].strip() or DOSE, _day(found["day"], 1, unreadable), name) for name, found in dated.items()]
     by_row = DATE in table.columns
@@ -70,7 +71,7 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
     for name in dated:
         if name in faults:
             line, text = faults[name]
-            raise unreadable(f"line {line} holds {text!r} under {name}")
+            raise unreadable(Text("line {line} holds {text!r} under {name}", line=line, text=text, name=name))
     if (by_row or doses) and day is None:
         raise InputError("treatments-day", path=path)
     plain = [name for name in table.columns if name not in dated and name not in (column, DATE)]
@@ -166,7 +167,7 @@ def read_measured(path: Path, measure: str, sites: Sequence[str] = ()) -> Measur
     cannot be read, has no such column, or an identifier twice.
     """
 
-    def unreadable(why: str) -> InputError:
+    def unreadable(why: Words) -> InputError:
         return InputError("parcel-table-unreadable", path=path, why=why)
 
     table = read_table(path, unreadable)
@@ -180,7 +181,7 @@ def read_measured(path: Path, measure: str, sites: Sequence[str] = ()) -> Measur
     names = [f"{label} {cell.strip()}".strip() for label, cell in zip(labels, cells, strict=True)]
     twice = next((name for k, name in enumerate(names) if name in set(names[:k]) or not cells[k].strip()), None)
     if twice is not None:
-        raise unreadable(f"parcel {twice!r} is there twice, or a parcel has no identifier")
+        raise unreadable(Text("parcel {twice!r} is there twice, or a parcel has no identifier", twice=twice))
     block = table.find(BLOCK_COLUMNS)
     others = [name for name in table.columns if name not in (column, block, wanted)]
     numbers = {name: table.numbers(name) for name in others if table.first_fault(name) is None}
@@ -199,7 +200,7 @@ def read_measured(path: Path, measure: str, sites: Sequence[str] = ()) -> Measur
     return MeasuredTable(tuple(parcels), table.numbers(wanted), sigma, table.notices)
 
 
-def _day(text: str, line: int, unreadable: Callable[[str], InputError]) -> dt.date:
+def _day(text: str, line: int, unreadable: Callable[[Words], InputError]) -> dt.date:
     try:
         return dt.date.fromisoformat(text.strip()[:10])
     except ValueError:

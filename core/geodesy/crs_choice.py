@@ -13,6 +13,7 @@ from pyproj.database import CRSInfo, query_utm_crs_info
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.longitudes import principal_deg
 from furrowmap.core.geodesy.projection import AREA_MARGIN_DEG, MAX_SCALE_ERROR, scale_of
+from furrowmap.core.runtime.languages.texts import Text
 
 _ZONES_OF_JAPAN: Final = {
     6669: "Nagasaki and the western islands of Kagoshima",
@@ -25,9 +26,9 @@ _ZONES_OF_JAPAN: Final = {
     6676: "Niigata, Nagano, Yamanashi, Shizuoka",
     6677: "Tokyo, Fukushima, Tochigi, Ibaraki, Saitama, Chiba, Gunma, Kanagawa",
     6678: "Aomori, Akita, Yamagata, Iwate, Miyagi",
-    6679: "western Hokkaido, such as Otaru, Hakodate, Date",
-    6680: "central Hokkaido, such as Sapporo, Asahikawa, Tomakomai, Wakkanai",
-    6681: "eastern Hokkaido, such as Obihiro, Kitami, Kushiro, Nemuro",
+    6679: Text("western Hokkaido, such as Otaru, Hakodate, Date"),
+    6680: Text("central Hokkaido, such as Sapporo, Asahikawa, Tomakomai, Wakkanai"),
+    6681: Text("eastern Hokkaido, such as Obihiro, Kitami, Kushiro, Nemuro"),
     6682: "Ogasawara",
     6683: "Okinawa's main islands",
     6684: "Miyako and Yaeyama",
@@ -87,7 +88,6 @@ _NEAR_ZONE_DEG: Final = 0.1
 _NEAR_UTM_DEG: Final = 0.5
 """Distance from a zone border (10 and about 50 km) within which the neighbouring zone is an alternative."""
 
-_NEIGHBOUR: Final = ", the neighbouring zone, whose border is near"
 
 _Box: TypeAlias = tuple[float, float, float, float]
 """West, south, east, north in degrees."""
@@ -99,8 +99,8 @@ class CrsChoice:
 
     code: str
     name: str
-    reason: str
-    alternatives: tuple[str, ...] = ()
+    reason: Text
+    alternatives: tuple[Text, ...] = ()
 
 
 def choose_crs(lon_deg: float, lat_deg: float) -> CrsChoice | None:
@@ -126,8 +126,14 @@ def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     return CrsChoice(
         code=f"EPSG:{best}",
         name=CRS.from_epsg(best).name,
-        reason=f"{_place(lon_deg, lat_deg)} lies in its area of use ({_ZONES_OF_JAPAN[best]})",
-        alternatives=tuple(f"EPSG:{code} for {_ZONES_OF_JAPAN[code]}" for code in others),
+        reason=Text(
+            "{place} lies in its area of use ({area})",
+            place=_place(lon_deg, lat_deg),
+            area=_ZONES_OF_JAPAN[best],
+        ),
+        alternatives=tuple(
+            Text("{code} for {area}", code=f"EPSG:{code}", area=_ZONES_OF_JAPAN[code]) for code in others
+        ),
     )
 
 
@@ -149,20 +155,24 @@ def _national(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     )
     if not suitable:
         return None
+    place = _place(lon_deg, lat_deg)
     family, _, best = suitable[0]
     others = [
-        f"EPSG:{code}{_NEIGHBOUR}"
+        _neighbour(f"EPSG:{code}")
         for number, outside_deg, code in suitable[1:]
         if number == family and outside_deg <= _NEAR_UTM_DEG
     ]
     if older := _OLDER.get(country.code):
         name = CRS.from_epsg(older).name
-        others.append(f"EPSG:{older} ({name}) for the products, with `furrowmap export --dst-crs`")
+        others.append(
+            Text("{code} ({name}) for the products, with `furrowmap export --dst-crs`", code=f"EPSG:{older}", name=name)
+        )
     return CrsChoice(
         code=f"EPSG:{best}",
         name=CRS.from_epsg(best).name,
-        reason=_place(lon_deg, lat_deg)
-        + (f" lies in {country.name}, whose maps use it" if family < len(own) else " lies in this zone"),
+        reason=Text("{place} lies in {country}, whose maps use it", place=place, country=country.name)
+        if family < len(own)
+        else Text("{place} lies in this zone", place=place),
         alternatives=tuple(others),
     )
 
@@ -193,6 +203,10 @@ def _outside_area_deg(code: int, lon_deg: float, lat_deg: float) -> float:
     return math.inf if area is None else _outside_deg(area.bounds, lon_deg, lat_deg)
 
 
+def _neighbour(code: str) -> Text:
+    return Text("{code}, the neighbouring zone, whose border is near", code=code)
+
+
 def choose_utm(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     """The UTM zone on WGS 84, with the neighbouring one as an alternative if its border is near."""
     lon_deg = principal_deg(lon_deg)
@@ -203,9 +217,9 @@ def choose_utm(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     return CrsChoice(
         code=f"{own.auth_name}:{own.code}",
         name=own.name,
-        reason=f"{_place(lon_deg, lat_deg)} lies in this zone",
+        reason=Text("{place} lies in this zone", place=_place(lon_deg, lat_deg)),
         alternatives=tuple(
-            f"{zone.auth_name}:{zone.code}{_NEIGHBOUR}" for zone in beside if zone is not None and zone.code != own.code
+            _neighbour(f"{zone.auth_name}:{zone.code}") for zone in beside if zone is not None and zone.code != own.code
         ),
     )
 

@@ -34,6 +34,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.file_signatures import binary_kind
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file, name_of
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
@@ -286,25 +287,30 @@ def read_parameters(path: Path) -> ParameterFile:
     """The parameters in a .par file, by its layout; InputError if it is no such file, or is damaged."""
     try:
         if path.stat().st_size > MAX_PARAMETER_BYTES:
-            raise _unreadable(path, f"it has {path.stat().st_size:,} bytes")
+            raise _unreadable(path, Text("it has {size:,} bytes", size=path.stat().st_size))
         content = read_plain_bytes(path)
     except OSError as error:
-        raise _unreadable(path, error.strerror or "cannot be read") from None
-    if (kind := binary_kind(content)) is not None:
-        raise _unreadable(path, f"it is {kind}, not text")
+        raise _unreadable(path, error.strerror or Text("cannot be read")) from None
+    if (binary := binary_kind(content)) is not None:
+        raise _unreadable(path, Text("it is {kind}, not text", kind=binary))
     text = content.decode("cp932", "replace")
     lines = text.splitlines()
     if lines and lines[0].strip() == _POS2JGD_TITLE:
         return _read_pos2jgd(path, lines)
     head = next((k for k, line in enumerate(lines) if re.match(r"\d{8}\s", line)), None)
     if head is None:
-        raise _unreadable(path, "it has no mesh codes after a header of 2 or 16 lines")
+        raise _unreadable(path, Text("it has no mesh codes after a header of 2 or 16 lines"))
     damaged = next((k for k, line in enumerate(lines[head:], start=1 + head) if not _ROW.fullmatch(line)), 0)
     if damaged:
-        raise _unreadable(path, f"line {damaged} ({lines[damaged - 1][:60]!r}) is not a mesh code and parameters")
+        raise _unreadable(
+            path,
+            Text(
+                "line {line} ({text!r}) is not a mesh code and parameters", line=damaged, text=lines[damaged - 1][:60]
+            ),
+        )
     kind = _kind(lines, head)
     if kind is None:
-        raise _unreadable(path, "it has no mesh codes after a header of 2 or 16 lines")
+        raise _unreadable(path, Text("it has no mesh codes after a header of 2 or 16 lines"))
     try:
         found = jgdtrans.par.loads(text.rstrip(), format=kind).parameter
     except Exception as error:  # noqa: BLE001 damage ends in errors of several families
@@ -354,7 +360,7 @@ def _read_pos2jgd(path: Path, lines: list[str]) -> ParameterFile:
 def _check_corrections(path: Path, rows: FloatArray) -> None:
     """Refuse corrections (n, 3) that are not numbers of the size of a change of datum."""
     if not len(rows) or not (np.abs(rows) <= MAX_CORRECTION).all():
-        raise _unreadable(path, "some of its parameters are not numbers, or larger than any")
+        raise _unreadable(path, Text("some of its parameters are not numbers, or larger than any"))
 
 
 def _kind(lines: list[str], head: int) -> str | None:
@@ -372,7 +378,7 @@ def _kind(lines: list[str], head: int) -> str | None:
     return YEAR if all(code[6] in "05" and code[7] in "05" for code in codes) else "PatchJGD_HV"
 
 
-def _unreadable(path: Path, why: str) -> InputError:
+def _unreadable(path: Path, why: Words) -> InputError:
     return InputError("parameters-unreadable", path=path, why=why)
 
 

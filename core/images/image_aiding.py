@@ -28,6 +28,7 @@ from furrowmap.core.images.ties import Ties, overlapping, seen_in, thin_ties, tr
 from furrowmap.core.readers.image_pixels import image_size
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
@@ -205,11 +206,13 @@ def aid_by_images(
         features: of the images where they are known already; other images are left out.
     """
     if located.pose_errors is None:
-        notices.append(unused("only a trajectory by GNSS and an IMU says how the errors of its poses go together"))
+        notices.append(
+            unused(Text("only a trajectory by GNSS and an IMU says how the errors of its poses go together"))
+        )
         return located, None
     images = _usable(images, features, camera, located.trajectory, notices)
     if len(images) < MIN_IMAGES:
-        notices.append(unused(f"there are {len(images)} that can be read and have a pose"))
+        notices.append(unused(Text("there are {images} that can be read and have a pose", images=len(images))))
         return located, None
     exposed_s = images.t_s + camera.shutter_delay_s
     block = ImageBlock(located.trajectory, located.pose_errors(exposed_s), camera, images.t_s, scale)
@@ -247,12 +250,12 @@ def notices_beside(notices: tuple[Notice, ...], known: Known) -> tuple[Notice, .
     return tuple(notice for notice in notices if notice.code != "gnss-quality")
 
 
-def unused(why: str) -> Notice:
+def unused(why: Words) -> Notice:
     """The notice of images that do not aid the trajectory."""
     return Notice("images-not-adjusted", why=why)
 
 
-def contradicting(why: str) -> Notice:
+def contradicting(why: Words) -> Notice:
     """The notice of images that contradict what else is known, so that their colours would be wrong as well."""
     return Notice(CONTRADICTING, why=why)
 
@@ -317,7 +320,7 @@ def _ties(block: ImageBlock, features: Sequence[ImageFeatures], progress: Progre
     matches = match_features(features, following, progress)
     first = _well_met(block, tracks(keypoints, matches))
     if first.points < MIN_TIE_POINTS:
-        return unused(f"images that follow each other have {first.points} points in common")
+        return unused(Text("images that follow each other have {points} points in common", points=first.points))
     depth = np.einsum(
         "oi,oi->o",
         poses.rotation[first.frame][:, :, 2],
@@ -325,7 +328,7 @@ def _ties(block: ImageBlock, features: Sequence[ImageFeatures], progress: Progre
     )
     ahead = depth[depth > 0.0]
     if len(ahead) < MIN_TIE_POINTS:
-        return contradicting("the points that they have in common are behind the camera. Check [camera] rpy_deg")
+        return contradicting(Text("the points that they have in common are behind the camera. Check [camera] rpy_deg"))
     depth_m = float(np.median(ahead))
     margin_px = MATCHING_MARGIN * max(size)
     points_m = [depth_m * unproject(block.camera, own.places[:, :2]) for own in features]
@@ -411,18 +414,23 @@ def control_notices(names: Sequence[str], agreement: ControlAgreement) -> list[N
     return [Notice("control-points-contradict", **figures)]
 
 
-def doubtful(adjusted: AdjustedBlock) -> str | None:
+def doubtful(adjusted: AdjustedBlock) -> Text | None:
     """Why an adjustment is not to be used; None where it is."""
     share = float(adjusted.used.mean())
     if share < MIN_USED_SHARE or adjusted.sigma_px > MAX_RESIDUAL_PX:
-        return (
-            f"their points do not fit its poses together ({share:.0%} of the observations, residuals of "
-            f"{adjusted.sigma_px:.1f} pixels). Check times, intrinsics and mounting in `[camera]`"
+        return Text(
+            "their points do not fit its poses together ({share:.0%} of the observations, "
+            "residuals of {sigma_px:.1f} pixels). Check times, intrinsics and mounting in "
+            "`[camera]`",
+            share=share,
+            sigma_px=adjusted.sigma_px,
         )
     if adjusted.tension > MAX_TENSION:
-        return (
-            f"they contradict GNSS and IMU (errors {adjusted.tension:.1f} times as large as these leave open). Check "
-            "times, intrinsics and mounting in `[camera]`, and the coordinates of control points"
+        return Text(
+            "they contradict GNSS and IMU (errors {tension:.1f} times as large as these "
+            "leave open). Check times, intrinsics and mounting in `[camera]`, and the "
+            "coordinates of control points",
+            tension=adjusted.tension,
         )
     return None
 

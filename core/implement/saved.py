@@ -15,6 +15,7 @@ from furrowmap.core.implement.seen_implement import (
     SideViewGrid,
 )
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.values.tool_states import ToolState
 
@@ -60,7 +61,9 @@ def load_implement(path: Path) -> SeenImplement:
 def _implement(arrays: dict[str, Any]) -> SeenImplement:
     """The implement in the arrays of a file."""
     if int(arrays["form"]) != FILE_FORM:
-        raise ValueError(f"format version {int(arrays['form'])}, supported is {FILE_FORM}")
+        raise ValueError(
+            Text("format version {version}, supported is {supported}", version=int(arrays["form"]), supported=FILE_FORM)
+        )
     begin, split, clockwise, turn_s = arrays["turn"].tolist()
     x_m, z_m, columns, rows = arrays["grid"].tolist()
     low_m, high_m, hidden, sigma_m, jitter_m = arrays["levels"].tolist()
@@ -68,7 +71,7 @@ def _implement(arrays: dict[str, Any]) -> SeenImplement:
     grid = SideViewGrid(x_m, z_m, int(columns), int(rows))
     shapes = (arrays["odds"].shape, arrays["columns"].shape, arrays["still_m"].shape[1:])
     if shapes != ((grid.columns, grid.rows), (IMAGE_COLUMNS,), (IMAGE_COLUMNS,)):
-        raise ValueError("its arrays do not fit each other")
+        raise ValueError(Text("its arrays do not fit each other"))
     seen_images = [arrays[name].shape for name in ("up_m", "down_m", "own")]
     if len(set(seen_images)) > 1 or seen_images[0][1:] != arrays["azimuth_deg"].shape:
         raise ValueError("its images do not fit each other")

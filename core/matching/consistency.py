@@ -19,6 +19,7 @@ from furrowmap.core.matching.yaw_ambiguity import Facing
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan, named_offset
@@ -195,19 +196,31 @@ class Seen:
 
 
 _LIKELY: Final = {
-    Cause.CLOCK: "The likely cause is the offset of the clocks, [recording] lidar_minus_gnss_s.",
-    Cause.LEVER_ARM: "The likely cause is the lever arm of the antenna, [antenna] xyz_m.",
-    Cause.CLOCK_OR_LEVER_ARM: "The likely cause is the lever arm of the antenna, [antenna] xyz_m, or the offset of the "
-    "clocks, [recording] lidar_minus_gnss_s: the drive does not separate the two.",
-    Cause.UPSIDE_DOWN: "The likely cause is a scanner mounted upside down, or the roll in [lidar] rpy_deg.",
-    Cause.MOUNTING: "The likely cause is the mounting of the scanner, [lidar] rpy_deg.",
-    Cause.MODEL: "The likely cause is the model of the scanner: [lidar] model, the product byte of its packets, or the "
-    "metadata beside them.",
-    Cause.POSITIONS: "The likely cause is the positions: PPP, DGNSS or float solutions, smoothed logs, or standard "
-    "deviations that are too small.",
-    Cause.UNKNOWN: "Lever arm ([antenna] xyz_m), mounting ([lidar] xyz_m, rpy_deg), clocks (lidar_minus_gnss_s) or the "
-    "positions themselves may be wrong.",
+    Cause.CLOCK: Text("The likely cause is the offset of the clocks, [recording] lidar_minus_gnss_s."),
+    Cause.LEVER_ARM: Text("The likely cause is the lever arm of the antenna, [antenna] xyz_m."),
+    Cause.CLOCK_OR_LEVER_ARM: Text(
+        "The likely cause is the lever arm of the antenna, [antenna] xyz_m, or the "
+        "offset of the clocks, [recording] lidar_minus_gnss_s: the drive does not "
+        "separate the two."
+    ),
+    Cause.UPSIDE_DOWN: Text("The likely cause is a scanner mounted upside down, or the roll in [lidar] rpy_deg."),
+    Cause.MOUNTING: Text("The likely cause is the mounting of the scanner, [lidar] rpy_deg."),
+    Cause.MODEL: Text(
+        "The likely cause is the model of the scanner: [lidar] model, the product byte of its packets, or the metadata "
+        "beside them."
+    ),
+    Cause.POSITIONS: Text(
+        "The likely cause is the positions: PPP, DGNSS or float solutions, smoothed "
+        "logs, or standard deviations that are too small."
+    ),
+    Cause.UNKNOWN: Text(
+        "Lever arm ([antenna] xyz_m), mounting ([lidar] xyz_m, rpy_deg), clocks "
+        "(lidar_minus_gnss_s) or the positions themselves may be wrong."
+    ),
 }
+
+
+_DIRECTIONS: Final = (Text("forward"), Text("left"), Text("up"))
 
 
 def contradiction_notice(seen: Seen) -> Notice | None:
@@ -216,49 +229,80 @@ def contradiction_notice(seen: Seen) -> Notice | None:
     c = seen.constants
     if cause is None:
         return None
-    shown = []
+    shown: list[Text] = []
     if seen.ground.model is not None:
         other = seen.ground.model
         plane = seen.ground.model.ground
         shown.append(
-            f"with the elevations of a {other.read_as} the ground is tilted by {plane.tilt_deg:.0f}° in the vehicle "
-            f"frame and {plane.above_m:+.2f} m above its origin, with those of a {other.name} it is level and in place"
+            Text(
+                "with the elevations of a {read_as} the ground is tilted by {tilt_deg:.0f}° in the vehicle frame and "
+                "{above_m:+.2f} m above its origin, with those of a {other} it is level and in place",
+                read_as=other.read_as,
+                tilt_deg=plane.tilt_deg,
+                above_m=plane.above_m,
+                other=other.name,
+            )
         )
     elif seen.ground.tilt_deg:
-        shown.append(f"the ground is tilted by {seen.ground.tilt_deg:.0f}° in the vehicle frame")
+        shown.append(
+            Text("the ground is tilted by {tilt_deg:.0f}° in the vehicle frame", tilt_deg=seen.ground.tilt_deg)
+        )
     if turn_deg := seen.ground.facing.offset_deg:
-        shown.append(f"plants stay in one place with the scanner turned by {turn_deg:+.0f}° about the vertical")
+        shown.append(
+            Text(
+                "plants stay in one place with the scanner turned by {turn_deg:+.0f}° about the vertical",
+                turn_deg=turn_deg,
+            )
+        )
     if seen.slip > MAX_SLIP:
-        shown.append(f"the rear axle slips sideways {seen.slip:.1f} times as much as wheels do")
+        shown.append(Text("the rear axle slips sideways {slip:.1f} times as much as wheels do", slip=seen.slip))
     if seen.drift > MAX_DRIFT:
-        shown.append(f"positions drift {seen.drift:.1f} times as much as the receiver states")
+        shown.append(Text("positions drift {drift:.1f} times as much as the receiver states", drift=seen.drift))
     if seen.slow_times > 1.0:
-        shown.append(f"positions err slowly together, {seen.slow_times:.0f} times as much as the receiver states")
+        shown.append(
+            Text(
+                "positions err slowly together, {slow_times:.0f} times as much as the receiver states",
+                slow_times=seen.slow_times,
+            )
+        )
     if seen.creep_mps and seen.slow_times > 1.0:
-        shown.append(f"heights creep by {60.0 * seen.creep_mps:+.2f} m a minute against ground that is seen again")
+        shown.append(
+            Text(
+                "heights creep by {a_minute_m:+.2f} m a minute against ground that is seen again",
+                a_minute_m=60.0 * seen.creep_mps,
+            )
+        )
     if c.off:
         x, y = c.lever_m
         shown.append(
-            f"positions and scans agree better with clocks {c.clock_s:+.3f} s apart, or with an antenna {x:+.2f} m "
-            f"further forward and {y:+.2f} m further left"
+            Text(
+                "positions and scans agree better with clocks {clock_s:+.3f} s apart, or with "
+                "an antenna {x:+.2f} m further forward and {y:+.2f} m further left",
+                clock_s=c.clock_s,
+                x=x,
+                y=y,
+            )
         )
     if seen.sway.off:
         shown.append(_sway_in_words(seen.sway))
     if seen.lever_m is not None:
         x, y, z = seen.lever_m
-        shown.append(f"scans agree better with the antenna at [{x:g}, {y:g}, {z:g}]")
-    return Notice("contradiction.scans-and-positions", shown="; ".join(shown), likely=_LIKELY[cause])
+        shown.append(Text("scans agree better with the antenna at {place}", place=f"[{x:g}, {y:g}, {z:g}]"))
+    return Notice("contradiction.scans-and-positions", shown=shown, likely=_LIKELY[cause])
 
 
-def _sway_in_words(sway: AntennaSway) -> str:
+def _sway_in_words(sway: AntennaSway) -> Text:
     if sway.clock_s:
-        return f"the antenna sways as the vehicle does {sway.clock_s:+.2f} s apart from it by the scanner's clock"
-    off = ", ".join(
-        f"further {where} by {with_margin(value, sigma, ' m', sign=True)} (95 %)"
-        for value, sigma, where in zip(sway.lever_m, sway.sigma_m, ("forward", "left", "up"), strict=True)
+        return Text(
+            "the antenna sways as the vehicle does {clock_s:+.2f} s apart from it by the scanner's clock",
+            clock_s=sway.clock_s,
+        )
+    off = tuple(
+        Text("further {where} by {far} (95 %)", where=where, far=with_margin(value, sigma, " m", sign=True))
+        for value, sigma, where in zip(sway.lever_m, sway.sigma_m, _DIRECTIONS, strict=True)
         if abs(value) > LEVER_CERTAIN_SIGMAS * sigma
     )
-    return f"the antenna sways with the vehicle's roll and pitch as one that is {off}"
+    return Text("the antenna sways with the vehicle's roll and pitch as one that is {off}", off=off)
 
 
 def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
@@ -272,7 +316,7 @@ def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
         "clock-offset",
         used_s=abs(used_s),
         is_used_s=used_s > 0,
-        cause=named_offset(used_s) or None,
+        cause=named_offset(used_s),
         stated_s=stated_s + used_s,
         margin=margin(sigma_s, " s"),
     )

@@ -17,6 +17,7 @@ from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import Located
@@ -67,7 +68,7 @@ def aid_session(
     if source is None or not source.aid:
         return located, None
     if not all(map(find_spec, EXTRA)):
-        notices.append(unused('the extra is not installed: pip install ".[photo]" in the checkout of furrowmap'))
+        notices.append(unused(Text('the extra is not installed: pip install ".[photo]" in the checkout of furrowmap')))
         return located, None
     inputs = opened.inputs
     control: ControlPoints | None = None
@@ -99,7 +100,7 @@ def read_pixels(path: Path, names: tuple[str, ...], notices: list[Notice]) -> tu
     found = {name: table.find([name]) for name in _COLUMNS}
     lacking = [name for name, column in found.items() if column is None]
     if lacking:
-        raise _unreadable(path, f"it has no columns {', '.join(lacking)}")
+        raise _unreadable(path, Text("it has no columns {lacking}", lacking=", ".join(lacking)))
     numbers = {name: k for k, name in enumerate(names)}
     out = []
     columns = [column for column in found.values() if column is not None]
@@ -107,12 +108,15 @@ def read_pixels(path: Path, names: tuple[str, ...], notices: list[Notice]) -> tu
     files, labels = (table.columns[column] for column in columns[:2])
     for file, name, place, line in zip(files, labels, places, table.lines, strict=True):
         if name.strip() not in numbers:
-            raise _unreadable(path, f"line {line} names {name.strip()!r}, which is none of the control points")
+            raise _unreadable(
+                path,
+                Text("line {line} names {name!r}, which is none of the control points", line=line, name=name.strip()),
+            )
         if not np.isfinite(place).all():
-            raise _unreadable(path, f"line {line} has no numbers in u and v")
+            raise _unreadable(path, Text("line {line} has no numbers in u and v", line=line))
         out.append((Path(file.strip()).name, numbers[name.strip()], float(place[0]), float(place[1])))
     return tuple(out)
 
 
-def _unreadable(path: Path, why: str) -> InputError:
+def _unreadable(path: Path, why: Words) -> InputError:
     return InputError("control-pixels-unreadable", path=path, why=why)

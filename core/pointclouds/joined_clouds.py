@@ -24,6 +24,7 @@ from furrowmap.core.readers.las.point_records import CloudBatch, TimeKind
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.scan import PointClass
@@ -240,7 +241,9 @@ def no_points_error(clouds: Clouds, box: Box | None) -> InputError:
             x, y = source.change(np.array([at[0]]), np.array([at[1]]))
             at = float(x[0]), float(y[0])
         return nothing_within(
-            clouds.area, f"{clouds.points:,} points in {len(clouds.files)} file(s)", at if clouds.points else None
+            clouds.area,
+            Text("{points:,} points in {files} file(s)", points=clouds.points, files=len(clouds.files)),
+            at if clouds.points else None,
         )
     return InputError(
         "no-points-left",

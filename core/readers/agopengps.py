@@ -16,6 +16,7 @@ import shapely
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.runtime.plain_reads import open_plain, read_plain_text
 
 ORIGIN_FILE: Final = "Field.txt"
@@ -49,7 +50,7 @@ def is_field_folder(path: Path) -> bool:
         return False
 
 
-def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shapely.Polygon:
+def read_outline(folder: Path, unreadable: Callable[[Words], InputError]) -> shapely.Polygon:
     """The boundary of a field without its holes, in longitude and latitude; holes to drive through belong to it.
 
     The error of `unreadable` if there is no boundary, or a file is damaged.
@@ -83,7 +84,7 @@ def elevation_file(path: Path) -> Path | None:
     return path if PARTS[0] in head and _ELEVATION_HEADER.encode() in head else None
 
 
-def read_elevations(path: Path, unreadable: Callable[[str], InputError]) -> Elevations:
+def read_elevations(path: Path, unreadable: Callable[[Words], InputError]) -> Elevations:
     """The heights of the ground in an `Elevation.txt`; a last line that is cut is left out.
 
     The error of `unreadable` if there is none, or it is damaged.
@@ -126,7 +127,7 @@ def _lon_lat(en_m: FloatArray, origin: tuple[float, float]) -> FloatArray:
     return place
 
 
-def _lines(path: Path, unreadable: Callable[[str], InputError]) -> list[str]:
+def _lines(path: Path, unreadable: Callable[[Words], InputError]) -> list[str]:
     try:
         if path.stat().st_size > _MAX_FIELD_BYTES:
             raise unreadable(f"{path.name} is larger than a field's")
@@ -135,7 +136,7 @@ def _lines(path: Path, unreadable: Callable[[str], InputError]) -> list[str]:
         raise unreadable(f"{path.name}: {error.strerror}") from None
 
 
-def _rings(lines: list[str], unreadable: Callable[[str], InputError]) -> list[tuple[bool, FloatArray]]:
+def _rings(lines: list[str], unreadable: Callable[[Words], InputError]) -> list[tuple[bool, FloatArray]]:
     """Rings with at least three corners: whether one drives through, and (n, 2) east and north in metres."""
     rings = []
     k = int(bool(lines) and lines[0].startswith("$"))

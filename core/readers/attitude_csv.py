@@ -12,6 +12,7 @@ from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.pose_track import GRID_NORTH, MAGNETIC_NORTH, TRUE_NORTH, UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.scan import Clock, ClockReading
 
@@ -35,7 +36,7 @@ class AttitudeCsv(FileReader):
     """
 
     format: ClassVar[str] = "attitude-csv"
-    title: ClassVar[str] = "attitudes in CSV"
+    title: ClassVar[Text] = Text("attitudes in CSV")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

@@ -16,6 +16,7 @@ from furrowmap.core.readers.areas.repair import made_valid, whole_in_degrees
 from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, Unreadable
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
@@ -87,15 +88,23 @@ def _outlines(polygons: Polygons, unreadable: Unreadable) -> tuple[list[BaseGeom
     for shape in whole_in_degrees(shapes):
         outline = made_valid(shape)
         if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
-            raise unreadable("its polygons are empty, or their coordinates do not match its CRS")
+            raise unreadable(Text("its polygons are empty, or their coordinates do not match its CRS"))
         west, south, east, north = outline.bounds
         if max(-south, north) > 90.0 or max(-west, east) > 360.0:
-            raise unreadable(f"it reaches from {south:g} to {north:g} latitude and {west:g} to {east:g} longitude")
+            raise unreadable(
+                Text(
+                    "it reaches from {south:g} to {north:g} latitude and {west:g} to {east:g} longitude",
+                    south=south,
+                    north=north,
+                    west=west,
+                    east=east,
+                )
+            )
         if max(north - south, (east - west) * np.cos(np.radians(max(-south, north)))) > MAX_FIELD_DEG:
             raise unreadable(f"it is {north - south:.3g}° high and {east - west:.3g}° wide, which no field is")
         outlines.append(outline)
     return outlines, base
 
 
-def _unreadable(path: Path, error_code: str, why: str) -> InputError:
+def _unreadable(path: Path, error_code: str, why: Words) -> InputError:
     return InputError(error_code, path=path, why=why, formats=VECTOR_FORMATS)

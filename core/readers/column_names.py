@@ -18,6 +18,7 @@ from typing import Final
 from pyproj import CRS
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text, Words
 
 FOOT_M: Final = 0.3048
 _US_FOOT_M: Final = 1200.0 / 3937.0
@@ -152,14 +153,16 @@ def length_unit_m(name: str) -> float | None:
     return _LENGTHS_M.get(_words_and_unit(name)[1])
 
 
-def unit_fault(units_m: Sequence[float | None], crs: CRS | None) -> str:
+def unit_fault(units_m: Sequence[float | None], crs: CRS | None) -> Words:
     """Why eastings and northings in stated units (metres in each) are not those of a CRS; "" where they may be."""
     unit_m = crs.axis_info[0].unit_conversion_factor if crs is not None and crs.is_projected else 1.0
     other = next((one for one in units_m if one is not None and abs(one / unit_m - 1.0) > _SAME_LENGTH), None)
     if other is None:
         return ""
-    return (
-        f"states its eastings in units of {other:.10g} m, and the CRS has {unit_m:.10g} m: name them easting, northing"
+    return Text(
+        "states its eastings in units of {other:.10g} m, and the CRS has {unit_m:.10g} m: name them easting, northing",
+        other=other,
+        unit_m=unit_m,
     )
 
 

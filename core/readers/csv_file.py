@@ -18,6 +18,7 @@ from furrowmap.core.readers.text_encoding import decoded
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import binary_kind
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.memory import expect_rows
 
 TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
@@ -275,7 +276,7 @@ class CsvFile(Source):
             try:
                 fields = next(csv.reader([text.strip(" \r")], delimiter=self._separator, skipinitialspace=True))
             except csv.Error:
-                raise InputError("not-a-number", where=where, what="the line is no row of numbers") from None
+                raise InputError("not-a-number", where=where, what=Text("the line is no row of numbers")) from None
             row = []
             for name, place in places.items():
                 field = fields[place].strip() if place < len(fields) else ""
@@ -324,9 +325,9 @@ def read_small(path: Path, max_bytes: int, notices: list[Notice]) -> tuple[bytes
         data = source.read(max_bytes + 1)
         fault = source.fault
     if len(data) > max_bytes:
-        raise ValueError(f"more than {max_bytes:,} bytes")
+        raise ValueError(Text("more than {max_bytes:,} bytes", max_bytes=max_bytes))
     if (kind := binary_kind(data)) is not None:
-        raise ValueError(f"it is {kind}, not text")
+        raise ValueError(Text("it is {kind}, not text", kind=kind))
     if fault:
         notices.append(cut_notice(path, fault))
     return data, fault

@@ -10,6 +10,7 @@ import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.crs import crs_of_file
 
 MAX_CORNERS: Final = 5_000_000
@@ -54,7 +55,7 @@ def read_geojson(data: bytes, shape_of: ShapeOf) -> tuple[list[BaseGeometry | No
     try:
         root = msgspec.json.decode(data, type=_Object)
     except RecursionError:
-        raise ValueError("it is nested too deeply") from None
+        raise ValueError(Text("it is nested too deeply")) from None
     shapes: list[BaseGeometry | None] = []
     properties: list[dict[str, Any]] = []
     others = 0
@@ -109,7 +110,7 @@ def point_of(kind: str, coordinates: msgspec.Raw) -> BaseGeometry | None:
 
 def _point(place: list[float]) -> shapely.Point:
     if len(place) == 1:
-        raise ValueError("a point has one coordinate")
+        raise ValueError(Text("a point has one coordinate"))
     return shapely.Point(place[:3])
 
 

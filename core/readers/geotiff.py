@@ -12,6 +12,7 @@ from pyproj.exceptions import CRSError, ProjError
 
 from furrowmap.core.readers.raster_neighbours import expect_no_links, with_checked_neighbours
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.memory import expect_memory
 from furrowmap.core.runtime.plain_reads import expect_plain_file
 from furrowmap.core.values.crs import crs_of_file
@@ -30,7 +31,7 @@ _MOST_TAGS: Final = 4096
 
 @contextmanager
 def open_geotiff(
-    path: Path, unusable: Callable[[Path, str], InputError], *, with_heights: bool = True
+    path: Path, unusable: Callable[[Path, Words], InputError], *, with_heights: bool = True
 ) -> Iterator[Any]:
     """A dataset of rasterio, within which whatever GDAL, PROJ and rasterio raise becomes an error of ours.
 
@@ -49,7 +50,7 @@ def open_geotiff(
     try:
         expect_plain_file(path)
     except OSError as error:
-        raise unusable(path, f"cannot be read ({error.strerror})") from None
+        raise unusable(path, Text("cannot be read ({why})", why=error.strerror)) from None
     try:
         # An option of the process: stated either way, and only while the file is opened, which reads the CRS. Held by
         # several open files, with other environments in between, it outlived them all (rasterio 1.4).
@@ -61,12 +62,16 @@ def open_geotiff(
             if raster.crs is not None:
                 crs_of_file(raster.crs.to_wkt())
             if not np.isfinite(raster.transform).all() or raster.transform.is_degenerate:
-                raise unusable(path, "states cells without an extent")
+                raise unusable(path, Text("states cells without an extent"))
             block = max(rows * columns for rows, columns in raster.block_shapes)
-            expect_memory(f"A block of {path}", block * max(np.dtype(kind).itemsize for kind in raster.dtypes))
+            expect_memory(
+                Text("A block of {path}", path=path), block * max(np.dtype(kind).itemsize for kind in raster.dtypes)
+            )
             yield raster
     except (RasterioError, CRSError, ProjError, ValueError) as error:
-        raise unusable(path, f"cannot be read as a GeoTIFF ({' '.join(str(error).split())[:200]})") from None
+        raise unusable(
+            path, Text("cannot be read as a GeoTIFF ({why})", why=" ".join(str(error).split())[:200])
+        ) from None
 
 
 def short_keys(path: Path) -> dict[int, int]:
@@ -90,13 +95,13 @@ def short_keys(path: Path) -> dict[int, int]:
     return {}
 
 
-def expect_heights(raster: Any, path: Path, unusable: Callable[[Path, str], InputError]) -> None:
+def expect_heights(raster: Any, path: Path, unusable: Callable[[Path, Words], InputError]) -> None:
     """Raises InputError where a raster has no CRS, or its first band says that it holds no heights above a datum."""
     if raster.crs is None:
-        raise unusable(path, "has no CRS")
+        raise unusable(path, Text("has no CRS"))
     band = raster.descriptions[0]
     if raster.tags().get("TIFFTAG_SOFTWARE", "").startswith("furrowmap") and band != HEIGHT_BAND_NAME:
-        raise unusable(path, f"holds {band!r} and no heights above a datum")
+        raise unusable(path, Text("holds {band!r} and no heights above a datum", band=band))
     shown = [kind.name for kind in raster.colorinterp]
     if shown[:3] == ["red", "green", "blue"] or shown[0] == "palette":
         raise unusable(path, f"holds {'classes' if shown[0] == 'palette' else 'colours'} and no heights above a datum")

@@ -26,6 +26,7 @@ from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.gnss import Fix
 
@@ -163,7 +164,7 @@ class GsofLog(PositionLog):
     """
 
     format: ClassVar[str] = "gsof"
-    title: ClassVar[str] = "Trimble GSOF log"
+    title: ClassVar[Text] = Text("Trimble GSOF log")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

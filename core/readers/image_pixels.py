@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.values.images import ImageFile, RawLayout, StoredImage
 
@@ -26,17 +27,27 @@ YUV: Final = {"yuv422": "UYVY", "uyvy": "UYVY", "yuv422_yuy2": "YUYV", "yuyv": "
 _VALUES_PER_PIXEL: Final = {"rgba8": 4, "bgra8": 4, "rgb8": 3, "bgr8": 3, "8UC3": 3, **dict.fromkeys(YUV, 2)}
 
 
-def layout_fault(layout: RawLayout, size: int) -> str:
-    """Why so many bytes are no image of a layout; "" where they are one."""
+def layout_fault(layout: RawLayout, size: int) -> Text | None:
+    """Why so many bytes are no image of a layout; None where they are one."""
     if layout.encoding not in CHANNELS and layout.encoding not in YUV and _mosaic(layout.encoding) is None:
-        return f"the encoding {layout.encoding[:20]!r} is not supported"
+        return Text("the encoding {encoding!r} is not supported", encoding=layout.encoding[:20])
     if min(layout.width, layout.height) < 2 or layout.step < layout.width * _values(layout) * _bytes(layout):
-        return f"{layout.width} × {layout.height} pixels do not fit into rows of {layout.step} bytes"
+        return Text(
+            "{width} × {height} pixels do not fit into rows of {step} bytes",
+            width=layout.width,
+            height=layout.height,
+            step=layout.step,
+        )
     if layout.step * layout.height > size:
-        return f"{layout.height} rows of {layout.step} bytes are stated, there are {size} bytes"
+        return Text(
+            "{height} rows of {step} bytes are stated, there are {size} bytes",
+            height=layout.height,
+            step=layout.step,
+            size=size,
+        )
     if layout.encoding in YUV and layout.width % 2:
-        return f"{layout.width} columns of {layout.encoding} are not even"
-    return ""
+        return Text("{width} columns of {encoding} are not even", width=layout.width, encoding=layout.encoding)
+    return None
 
 
 def _raw_pixels(data: memoryview | bytes, layout: RawLayout) -> NDArray[np.uint8]:

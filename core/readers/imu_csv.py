@@ -22,6 +22,7 @@ from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.inertial import FORCE_UNITS, RATE_UNITS, UNITS_OF_FORMAT, InertialTrack, StatedUnits
 from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock, ClockReading
@@ -92,7 +93,7 @@ class ImuCsv(FileReader):
     """
 
     format: ClassVar[str] = "imu-csv"
-    title: ClassVar[str] = "inertial measurements in CSV"
+    title: ClassVar[Text] = Text("inertial measurements in CSV")
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -157,24 +158,39 @@ def _stated_schema(
         known = STATED_UNITS.get(quantity.partition("_")[0], {}) if quantity in (*QUANTITIES, "utc") else {}
         if name not in names:
             near = get_close_matches(name, names, 3, 0.4) or list(names[:8])
-            raise _bad_columns(f"{path}, line 1: no column {name!r}", f"There are {', '.join(near)}.")
+            raise _bad_columns(
+                Text("{path}, line 1: no column {name!r}", path=path, name=name), Text("There are {near}.", near=near)
+            )
         if quantity not in (*QUANTITIES, "utc"):
-            what = f"`imu.columns`: {name!r} is stated to be {quantity!r}"
-            raise _bad_columns(what, f"Quantities are {', '.join(QUANTITIES)}, utc.")
+            what = Text("`imu.columns`: {name!r} is stated to be {quantity!r}", name=name, quantity=quantity)
+            raise _bad_columns(what, Text("Quantities are {known}.", known=(*QUANTITIES, "utc")))
         if unit not in known:
-            what = f"`imu.columns`: {name!r} ({quantity}) is stated in {unit!r}"
-            raise _bad_columns(what, f"Units of it are {', '.join(known)}.")
+            what = Text(
+                "`imu.columns`: {name!r} ({quantity}) is stated in {unit!r}", name=name, quantity=quantity, unit=unit
+            )
+            raise _bad_columns(what, Text("Units of it are {known}.", known=tuple(known)))
         if quantity in found:
-            raise _bad_columns(f"`imu.columns`: {found[quantity][0]!r} and {name!r} are both {quantity}", "State one.")
+            what = Text(
+                "`imu.columns`: {first!r} and {name!r} are both {quantity}",
+                first=found[quantity][0],
+                name=name,
+                quantity=quantity,
+            )
+            raise _bad_columns(what, Text("State one."))
         found[quantity] = (name, unit, scale)
     missing = [quantity for quantity in QUANTITIES if quantity not in found]
     if missing:
-        raise _bad_columns(f"`imu.columns` has no {', '.join(missing)}", "State the column of each.")
+        raise _bad_columns(Text("`imu.columns` has no {missing}", missing=missing), Text("State the column of each."))
     time, unit, _ = found["time"]
     if (unit in _OWN) != ("utc" in found):
-        other = "a" if "utc" in found else "no"
-        what = f"`imu.columns`: the time {time!r} is in {unit!r}, and {other} column is `utc`"
-        raise _bad_columns(what, f"A device's own clock ({', '.join(_OWN)}) needs a column of `utc`, others none.")
+        what = Text(
+            "`imu.columns`: the time {time!r} is in {unit!r}, and {utc:a|no} column is `utc`",
+            time=time,
+            unit=unit,
+            utc="utc" in found,
+        )
+        remedy = Text("A device's own clock ({units}) needs a column of `utc`, others none.", units=tuple(_OWN))
+        raise _bad_columns(what, remedy)
     schema = [Column({time: STATED_UNITS["time"][unit]}, iso=unit == ISO)]
     for quantity in QUANTITIES[1:]:
         name, axis_unit, scale = found[quantity]
@@ -185,7 +201,7 @@ def _stated_schema(
     return tuple(schema), "gps" if unit.startswith("gps") else "unix"
 
 
-def _bad_columns(what: str, remedy: str) -> InputError:
+def _bad_columns(what: Words, remedy: Words) -> InputError:
     return InputError("imu-columns", what=what, remedy=remedy)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.facts import timing_facts, utc_facts
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import runs_forward
 from furrowmap.core.values.inertial import (
     FORCE_UNITS,
@@ -58,8 +59,8 @@ MIN_FROZEN_S: Final = 0.5
 MAX_FROZEN_CHANCE: Final = 1e-9
 """An axis that keeps its value for so long is frozen, if that is so unlikely by how often values repeat elsewhere."""
 _UNIT_MISTAKES: Final = {
-    "they were in degrees per second instead of radians": ("rad/s", "deg/s"),
-    "they were in radians per second instead of degrees": ("deg/s", "rad/s"),
+    Text("they were in degrees per second instead of radians"): ("rad/s", "deg/s"),
+    Text("they were in radians per second instead of degrees"): ("deg/s", "rad/s"),
 }
 """Units that angular rates may have been read with, and those that they are in."""
 
@@ -156,7 +157,7 @@ def _turns(turn: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray,
     return 0.5 * (up[TURN_STEPS:] + up[:-TURN_STEPS]), up[TURN_STEPS:] - up[:-TURN_STEPS], swept
 
 
-def _better_axes(middle: FloatArray, seen: FloatArray, swept: FloatArray) -> tuple[str, float, float] | None:
+def _better_axes(middle: FloatArray, seen: FloatArray, swept: FloatArray) -> tuple[Text, float, float] | None:
     """What would make turns (n, 3) fit those of gravity, and the share that is explained as stated and then.
 
     None where they fit as stated, or gravity hardly turns, or nothing makes them fit.
@@ -177,19 +178,19 @@ def _misfit(middle: FloatArray, seen: FloatArray, swept: FloatArray) -> float:
     return float(((seen + np.cross(swept, middle)) ** 2).sum())
 
 
-def _alternatives() -> list[tuple[str, float, FloatArray]]:
+def _alternatives() -> list[tuple[Text, float, FloatArray]]:
     """What may be wrong with the rates: in words, and the factor and matrix that mend it; the simplest first."""
     same = np.eye(3)
     out = [
         *((words, RATE_UNITS[unit] / RATE_UNITS[read], same) for words, (read, unit) in _UNIT_MISTAKES.items()),
-        ("they had the other sign", -1.0, same),
+        (Text("they had the other sign"), -1.0, same),
     ]
     for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
         matrix = np.zeros((3, 3))
         matrix[range(3), order] = signs
         if not (np.array_equal(matrix, same) or np.array_equal(matrix, -same)):
             axes = ", ".join(f"{'−' if sign < 0 else ''}{'xyz'[k]}" for sign, k in zip(signs, order, strict=True))
-            out.append((f"their x, y, z were {axes}", 1.0, matrix))
+            out.append((Text("their x, y, z were {axes}", axes=axes), 1.0, matrix))
     return out
 
 

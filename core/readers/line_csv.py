@@ -17,6 +17,7 @@ from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.iteration import concluded
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
 MAX_RANGE_M: Final = 2000.0
@@ -79,7 +80,7 @@ class LineCsv(FileReader):
     """
 
     format: ClassVar[str] = "line-csv"
-    title: ClassVar[str] = "line scanner in CSV"
+    title: ClassVar[Text] = Text("line scanner in CSV")
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         super().__init__(paths, options)

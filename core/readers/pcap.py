@@ -18,6 +18,7 @@ from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.kernels import kernel, kernel_part
+from furrowmap.core.runtime.languages.texts import Text
 
 SKIPPED: Final = (
     "", "not IP", "not UDP", "IP fragments", "cut short by the capture", "damaged headers",
@@ -610,10 +611,10 @@ def _no_capture(path: Path, head: bytes) -> InputError:
     looks_like = {
         b"": "empty",
         b"#ROSBAG": "a ROS 1 bag",
-        b"SQLite format 3": "an SQLite database, as ROS 2 bags are",
-        b"\x89MCAP": "an MCAP bag",
-        b"$G": "an NMEA log",
-        b"LASF": "a LAS or LAZ point cloud",
+        b"SQLite format 3": Text("an SQLite database, as ROS 2 bags are"),
+        b"\x89MCAP": Text("an MCAP bag"),
+        b"$G": Text("an NMEA log"),
+        b"LASF": Text("a LAS or LAZ point cloud"),
     }
     what = next((words for start, words in looks_like.items() if head.startswith(start) and (start or not head)), "")
     return InputError("not-a-capture", path=path, what=what or "a file that begins with " + head[:4].hex(" "))

@@ -16,6 +16,7 @@ from furrowmap.core.readers.implausible_positions import drop_implausible_positi
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions, recording_name
 from furrowmap.core.readers.source import Head, Piece, Source, cut_notice
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.scan import Clock, ClockReading
@@ -298,7 +299,7 @@ def dated_positions(
     place: Callable[[int], str],
     *,
     name: str,
-    what: str,
+    what: Words,
     facts: Mapping[str, Any],
     service: str = "",
     notices: Sequence[Notice] = (),

@@ -18,6 +18,7 @@ from furrowmap.core.readers.geotiff import HEIGHT_BAND_NAME, expect_heights, ope
 from furrowmap.core.readers.vertical_keys import heights_by_keys, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.runtime.memory import expect_disk
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.height_units import in_metres, vertical_unit_m
@@ -123,7 +124,7 @@ class HeightRaster:
 
 
 @contextmanager
-def open_heights(path: Path, unusable: Callable[[Path, str], InputError]) -> Iterator[HeightRaster]:
+def open_heights(path: Path, unusable: Callable[[Path, Words], InputError]) -> Iterator[HeightRaster]:
     """A GeoTIFF of heights above a datum, of any software; rotated or sheared cells are as the transform says.
 
     Raises:

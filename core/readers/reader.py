@@ -19,6 +19,7 @@ from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import BINARY, binary_kind, file_kind
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
@@ -69,7 +70,7 @@ class Inspection:
 
     path: Path
     format: str
-    title: str
+    title: Text
     facts: dict[str, Any]
     clocks: tuple[ClockReading, ...] = ()
     notices: tuple[Notice, ...] = field(default=())
@@ -86,7 +87,7 @@ class Reader(Protocol):
     """
 
     format: ClassVar[str]
-    title: ClassVar[str]
+    title: ClassVar[Text]
     notices: list[Notice]
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None: ...
@@ -105,7 +106,7 @@ class FileReader:
     """Base of furrowmap's own readers, of the files of one recording in the order of time."""
 
     format: ClassVar[str]
-    title: ClassVar[str]
+    title: ClassVar[Text]
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         self.paths = list(paths)
@@ -290,6 +291,10 @@ def readers() -> tuple[type[Reader], ...]:
     return tuple(found)
 
 
+def _titles() -> tuple[Text, ...]:
+    return tuple(sorted((reader.title for reader in readers()), key=str))
+
+
 def _unknown(head: Head) -> InputError:
     """The error of a file that no reader recognises, with a guess at its format."""
     if is_field_folder(head.path) or any(part in head.data[:256] for part in PARTS):
@@ -298,17 +303,17 @@ def _unknown(head: Head) -> InputError:
         return InputError(
             "unknown-format.folder-content",
             head=head.path,
-            readers="; ".join(sorted(reader.title for reader in readers())),
+            readers=_titles(),
         )
     kind = file_kind(head.data)
     if kind is not None:
         return InputError("unknown-format.known-kind", head=head.path, name=kind.name, remedy=kind.remedy)
-    content = BINARY if binary_kind(head.data) is not None else "it looks like text"
+    content = BINARY if binary_kind(head.data) is not None else Text("it looks like text")
     if head.compression:
-        content = f"{head.compression}, content unpacked: {content}"
+        content = Text("{compression}, content unpacked: {content}", compression=head.compression, content=content)
     return InputError(
         "unknown-format",
         head=head.path,
         own=content,
-        readers="; ".join(sorted(reader.title for reader in readers())),
+        readers=_titles(),
     )

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import BinaryIO, Final, Protocol
 
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.memory import expect_growth
 
 if sys.version_info >= (3, 14):
@@ -163,7 +164,7 @@ class Source(io.BufferedIOBase):
                 if not data and member.needs_input:
                     data = self._raw.read(_RAW_BYTES)
                     if not data:
-                        raise EOFError("unexpected end of file")
+                        raise EOFError(Text("unexpected end of file"))
                 piece = member.decompress(data, _PIECE_BYTES)
                 data = b""
                 if piece:

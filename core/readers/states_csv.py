@@ -14,6 +14,7 @@ from furrowmap.core.readers.csv_text import header_of, row_cells
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import LAST_S, iso_utc
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
@@ -29,7 +30,7 @@ class StatesCsv(FileReader):
     """
 
     format: ClassVar[str] = "states-csv"
-    title: ClassVar[str] = "implement states in CSV"
+    title: ClassVar[Text] = Text("implement states in CSV")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

@@ -18,6 +18,7 @@ from furrowmap.core.readers.text_table import TextTable, column_names, is_spread
 from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.values.crs import full_name_of
 from furrowmap.core.values.height_units import compound_crs, in_metres, vertical_unit_m
@@ -98,7 +99,7 @@ def survey_of(path: Path, target: pyproj.CRS, options: SurveyOptions) -> Surveye
     kept = area.contains(survey.xyz_m)
     if not kept.any():
         east, north, _ = survey.xyz_m[0].tolist()
-        raise nothing_within(area, f"{len(survey)} points in {path.name}", (east, north))
+        raise nothing_within(area, Text("{points} points in {name}", points=len(survey), name=path.name), (east, north))
     names = tuple(name for name, inside in zip(survey.name, kept, strict=True) if inside)
     notices = (*survey.notices, *area.notices)
     return replace(survey, name=names, xyz_m=survey.xyz_m[kept], sigma_m=survey.sigma_m[kept], notices=notices)
@@ -121,7 +122,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     source = rows.crs or _crs_of_rows(path, rows, crs or target)
     whole = np.isfinite(rows.xyz).all(axis=1)
     if not whole.any():
-        raise _unreadable(path, "has no point with easting, northing and height")
+        raise _unreadable(path, Text("has no point with easting, northing and height"))
     notices = list(rows.notices)
     if not whole.all():
         notices.append(Notice("points-incomplete", path=path.name, whole=int((~whole).sum())))
@@ -208,9 +209,9 @@ def _rows_of(path: Path) -> _SurveyRows:
     if heights is not None:
         return _rows_of_agopengps(heights)
     if not path.is_file():
-        raise _unreadable(path, "is a folder" if path.is_dir() else "is not there")
+        raise _unreadable(path, "is a folder" if path.is_dir() else Text("is not there"))
     if path.stat().st_size > MAX_SURVEY_BYTES:
-        raise _unreadable(path, f"has {path.stat().st_size:,} bytes: too many for a survey")
+        raise _unreadable(path, Text("has {size:,} bytes: too many for a survey", size=path.stat().st_size))
     with open_plain(path) as file:
         head = file.read(4096)
     return _rows_of_layer(path) if is_vector(head) and not is_spreadsheet(path) else _rows_of_table(path)
@@ -232,10 +233,10 @@ def _rows_of_layer(path: Path) -> _SurveyRows:
     except RefusedError:
         raise
     except InputError as error:
-        raise _unreadable(path, f"cannot be read ({error.what.rstrip('.')[:200]})") from None
+        raise _unreadable(path, Text("cannot be read ({why})", why=error.what.rstrip(".")[:200])) from None
     except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
         why = str(error)[:200]
-        raise _unreadable(path, why if why.startswith("holds ") else f"cannot be read ({why})") from None
+        raise _unreadable(path, why if why.startswith("holds ") else Text("cannot be read ({why})", why=why)) from None
     if not any(shape is not None for shape in layer.shapes):
         raise _unreadable(path, "holds no point")
     notices: list[Notice] = []
@@ -295,21 +296,30 @@ def _heights(
 
 
 def _rows_of_table(path: Path) -> _SurveyRows:
-    table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
+    table = read_table(path, lambda why: _unreadable(path, Text("is no table: {why}", why=why)))
     place = _place(table)
     height = _first_filled(table, _HEIGHT_COLUMNS) or table.find((*_HEIGHT_COLUMNS, ELLIPSOIDAL_H))
     missing = [*(_PLACE_COLUMNS[0] if place is None else ()), *(_HEIGHT_COLUMNS[:1] if height is None else ())]
     if place is None or height is None:
-        raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {table.names})")
+        raise _unreadable(
+            path, Text("has no column {missing} (its columns: {names})", missing=", ".join(missing), names=table.names)
+        )
     wanted = (*place, height)
     if not all(_filled(table, name) for name in wanted):
         faults = [(name, table.first_fault(name)) for name in wanted]
-        said = [f"line {at[0]} holds {at[1]!r} under {name}" for name, at in faults if at is not None]
-        raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
+        said = [
+            Text("line {line} holds {text!r} under {name}", line=at[0], text=at[1], name=name)
+            for name, at in faults
+            if at is not None
+        ]
+        fault = said[0] if said else None
+        raise _unreadable(path, Text("has no point with easting, northing and height{fault:: {fault}|}", fault=fault))
     xyz = np.column_stack([table.numbers(name) for name in wanted])
     degrees = any(means(table.written.get(place[0], place[0]), name) for name in _DEGREE_COLUMNS)
     if degrees and (largest := np.nanmax(np.abs(xyz[:, 1]))) > 90.0:
-        raise _unreadable(path, f"has latitudes such as {largest:g}: longitude and latitude are swapped")
+        raise _unreadable(
+            path, Text("has latitudes such as {largest:g}: longitude and latitude are swapped", largest=largest)
+        )
     ellipsoidal = height in _ELLIPSOIDAL or standard_name(table.written.get(height, height)) == ELLIPSOIDAL_H
     unit_m = table.unit_m(height)
     xyz[:, 2] *= unit_m or 1.0
@@ -354,5 +364,5 @@ def _sigmas(table: TextTable) -> FloatArray:
     )
 
 
-def _unreadable(path: Path, why: str) -> InputError:
+def _unreadable(path: Path, why: Words) -> InputError:
     return InputError("points-unreadable", path=path, why=why)

@@ -28,6 +28,7 @@ from furrowmap.core.readers.text_encoding import decoded
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import binary_kind
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.memory import expect_disk, expect_growth, expect_memory
 from furrowmap.core.runtime.plain_reads import open_plain
 
@@ -53,7 +54,7 @@ def unpacked_layer(path: Path, folder: Path) -> Path:
             if PurePosixPath(file.filename).suffix.lower() in _MAINS and "__MACOSX" not in file.filename
         ]
         if len(files) > MAX_FILES:
-            raise ValueError(f"it has {len(files):,} files")
+            raise ValueError(Text("it has {files:,} files", files=len(files)))
         if len(mains) != 1:
             names = ", ".join(file.filename for file in mains[:3])
             raise ValueError(f"it holds {len(mains)} Shapefiles and KML files{': ' + names if names else ''}, not one")
@@ -184,7 +185,7 @@ def is_spreadsheet(path: Path) -> bool:
         return False
 
 
-def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
+def read_table(path: Path, unreadable: Callable[[Words], InputError]) -> TextTable:
     """A table in a text file, without comments (#), or the first sheet of a spreadsheet.
 
     The first row that is not empty has the names of the columns.
@@ -204,21 +205,21 @@ def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable
         raise unreadable(_reason(error)) from None
 
 
-def _sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
+def _sheet(path: Path, unreadable: Callable[[Words], InputError]) -> TextTable:
     size = path.stat().st_size
     if size > MAX_SHEET_BYTES:
-        raise unreadable(f"{size:,} bytes is too large for a spreadsheet")
+        raise unreadable(Text("{size:,} bytes is too large for a spreadsheet", size=size))
     if zipfile.is_zipfile(path):
         try:
             with zipfile.ZipFile(path) as archive:
                 whole = sum(file.file_size for file in archive.infolist())
         except Exception as error:  # noqa: BLE001 damage ends in errors of many families
-            raise unreadable(f"it is a damaged spreadsheet ({str(error)[:100]})") from None
+            raise unreadable(Text("it is a damaged spreadsheet ({why})", why=str(error)[:100])) from None
         expect_growth(path, size, whole)
         expect_memory(path, _BYTES_PER_UNPACKED * whole)
     rows = [row for row in _sheet_rows(path) if any(cell.strip() for cell in row)]
     if not rows:
-        raise unreadable("its first sheet is empty")
+        raise unreadable(Text("its first sheet is empty"))
     return replace(_table_of(rows, list(range(2, 1 + len(rows))), decimal_comma=False), path=path)
 
 
@@ -270,12 +271,12 @@ def _parse_table(path: Path) -> TextTable:
     head = lines[0][1]
     separator = told or max(SEPARATORS, key=head.count)
     if separator not in head:
-        raise ValueError("its first line has no comma, semicolon or tab")
+        raise ValueError(Text("its first line has no comma, semicolon or tab"))
     text = StringIO("\n".join(line for _, line in lines))
     try:
         rows = list(csv.reader(text, delimiter=separator, skipinitialspace=True))
     except csv.Error as error:  # such as a cell without an end
-        raise ValueError(f"it is no table of cells ({error})") from None
+        raise ValueError(Text("it is no table of cells ({why})", why=error)) from None
     table = _table_of(rows, [k for k, _ in lines[1 : len(rows)]], decimal_comma=has_decimal_commas(rows[1:], separator))
     return replace(table, notices=tuple(notices), path=path)
 
@@ -286,12 +287,12 @@ def _decoded(path: Path) -> tuple[list[str], list[Notice]]:
         content = source.read(_MOST_TEXT_BYTES + 1)
         fault = source.fault
     if len(content) > _MOST_TEXT_BYTES:
-        raise ValueError(f"it has more than {_MOST_TEXT_BYTES:,} bytes")
+        raise ValueError(Text("it has more than {max_bytes:,} bytes", max_bytes=_MOST_TEXT_BYTES))
     if (kind := binary_kind(content)) is not None:
-        raise ValueError(f"it is {kind}, not text")
+        raise ValueError(Text("it is {kind}, not text", kind=kind))
     found = decoded(content.removeprefix(b"\xef\xbb\xbf").splitlines())
     if found is None:
-        raise ValueError("its text is neither UTF-8 nor Shift-JIS nor Windows-1252")
+        raise ValueError(Text("its text is neither UTF-8 nor Shift-JIS nor Windows-1252"))
     notices = [cut_notice(path, fault)] if fault else []
     return found.texts, [*notices, *([found.notice("code-page", path.name)] if found.open else [])]
 
@@ -304,6 +305,6 @@ def _sheet_rows(path: Path) -> list[list[str]]:
     try:
         return process.sheet(path, _MOST_SHEET_TEXT)
     except Undecodable as error:
-        raise ValueError(f"it is a damaged or locked spreadsheet ({str(error)[:100]})") from None
+        raise ValueError(Text("it is a damaged or locked spreadsheet ({why})", why=str(error)[:100])) from None
     finally:
         process.close()

@@ -27,6 +27,7 @@ from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_laye
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_signatures import binary_kind
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.crs import crs_of_file
@@ -171,7 +172,7 @@ def _point(element: Element) -> shapely.Point:
     text = next((found.text for found in _within(element, "coordinates")), "")
     rows = [_numbers(word.split(",")) for word in _BY_COMMA.sub(",", text.strip()).split()]
     if len(rows) != 1 or len(rows[0]) > 3:
-        raise ValueError(f"a point has the coordinates {text.strip()[:40]!r}")
+        raise ValueError(Text("a point has the coordinates {text!r}", text=text.strip()[:40]))
     above_ground = any(found.text.strip() in _ABOVE_GROUND for found in _within(element, "altitudeMode"))
     return shapely.Point(rows[0][: 2 if above_ground else 3])
 
@@ -180,7 +181,7 @@ def _polygon(element: Element) -> shapely.Polygon:
     outer = [_ring(ring) for side in _within(element, "outerBoundaryIs") for ring in _within(side, "coordinates")]
     inner = [_ring(ring) for side in _within(element, "innerBoundaryIs") for ring in _within(side, "coordinates")]
     if not outer:
-        raise ValueError("a polygon has no outer boundary")
+        raise ValueError(Text("a polygon has no outer boundary"))
     try:
         return shapely.Polygon(outer[0], inner)
     except (ValueError, shapely.GEOSException) as error:
@@ -196,7 +197,9 @@ _CLEARLY_SMALLER: Final = 10.0
 def _ring(element: Element) -> list[tuple[float, float]]:
     corners = _corners(element.text)
     if len(corners) < 3 or not np.isfinite(corners).all():
-        raise ValueError(f"a ring of {len(corners)} corners, or with coordinates that are not finite")
+        raise ValueError(
+            Text("a ring of {corners} corners, or with coordinates that are not finite", corners=len(corners))
+        )
     return [(lon, lat) for lon, lat in corners.tolist()]
 
 
@@ -232,7 +235,7 @@ def _numbers(words: list[str]) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) < 2:
-        raise ValueError(f"{','.join(words)[:40]!r} is no longitude and latitude")
+        raise ValueError(Text("{words!r} is no longitude and latitude", words=",".join(words)[:40]))
     return numbers
 
 
@@ -259,9 +262,9 @@ def _within(element: Element, tag: str) -> Iterator[Element]:
 MAX_VECTOR_BYTES: Final = 100_000_000
 MAX_POLYGON_COORDINATE: Final = 1e9
 """In any unit that a CRS may have."""
-VECTOR_FORMATS: Final = "GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML"
+VECTOR_FORMATS: Final = Text("GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML")
 
-Unreadable = Callable[[str], InputError]
+Unreadable = Callable[[Words], InputError]
 """The error of a file, from what is wrong with it."""
 
 
@@ -301,7 +304,7 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
             "KML"
         )
     if size > MAX_VECTOR_BYTES:
-        raise unreadable(f"{size:,} bytes is too large for the boundary of a field or a set of parcels")
+        raise unreadable(Text("{size:,} bytes is too large for the boundary of a field or a set of parcels", size=size))
     try:
         layer, others = _read_layer(path, head, _POLYGONS)
     except RefusedError:
@@ -313,14 +316,14 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     polygons = layer.where(np.array([shape is not None for shape in layer.shapes], bool))
     left_out = others + len(layer) - len(polygons)
     if not len(polygons):
-        raise unreadable(f"{left_out} features, but no polygon")
+        raise unreadable(Text("{features} features, but no polygon", features=left_out))
     shapes = shapely.force_2d(polygons.shapes)
     crs = layer.crs
     if crs is None:
-        raise unreadable("it states no CRS")
+        raise unreadable(Text("it states no CRS"))
     corners = shapely.get_coordinates(shapes)
     if not np.isfinite(corners).all():
-        raise unreadable("a corner has coordinates that are not finite")
+        raise unreadable(Text("a corner has coordinates that are not finite"))
     if len(corners) and np.abs(corners).max() > MAX_POLYGON_COORDINATE:
         raise unreadable(f"a corner has the coordinate {np.abs(corners).max():g}, which is nowhere on the Earth")
     try:
@@ -348,7 +351,7 @@ def read_points_of_layer(path: Path) -> VectorLayer:
         head = file.read(4096)
     layer, others = _read_layer(path, head, _POINTS)
     if others:
-        raise ValueError("holds other geometries than points")
+        raise ValueError(Text("holds other geometries than points"))
     return layer
 
 
@@ -375,7 +378,7 @@ def _read_layer(path: Path, head: bytes, wanted: _Wanted) -> tuple[VectorLayer, 
                 path = unpacked_layer(path, folder)
             head = path.read_bytes()[:4096]
             if not (_is_kml(head) or head.startswith(SHAPEFILE_MAGIC)):
-                raise ValueError(f"its layer {path.name} is neither a Shapefile nor KML")
+                raise ValueError(Text("its layer {name} is neither a Shapefile nor KML", name=path.name))
         if _is_kml(head):
             return _by_kml(path, wanted)
         if _is_json(head):

@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
+from furrowmap.core.runtime.languages.texts import Text
+
 NMEA: Final = "Export NMEA 0183 (GGA, RMC, GST) with the receiver's or the processor's program"
 CSV: Final = "Export positions, attitudes or measurements as CSV with the program that wrote it"
 UNPACK: Final = "Unpack it"
@@ -23,19 +25,19 @@ GEODATA: Final = "Convert it to GeoPackage or GeoTIFF with QGIS"
 class FileKind:
     """A format: its name in a sentence, what to do with a file of it, and whether its files are text."""
 
-    name: str
-    remedy: str
+    name: Text
+    remedy: Text
     is_text: bool = False
 
 
 def _table(*rows: tuple[bytes, str, str], is_text: bool = False) -> list[tuple[re.Pattern[bytes], FileKind]]:
-    return [(re.compile(start, re.DOTALL), FileKind(name, remedy, is_text)) for start, name, remedy in rows]
+    return [(re.compile(start, re.DOTALL), FileKind(Text(name), Text(remedy), is_text)) for start, name, remedy in rows]
 
 
 _FIRST_TEXT: Final = rb"(?:\xef\xbb\xbf)?\s*"
 _XML: Final = _FIRST_TEXT + rb"(?:<\?xml[^>]*>\s*)?(?:<!--.*?-->\s*)*"
 
-_KINDS: Final = [
+FILE_KINDS: Final = [
     *_table(
         (rb"\xb5\x62", "a u-blox receiver's own messages (UBX)", NMEA),
         (rb"\$@", "a Septentrio receiver's own messages (SBF)", NMEA),
@@ -77,7 +79,11 @@ _KINDS: Final = [
         (rb"Rar!\x1a\x07", "a RAR archive", UNPACK),
         (rb"SQLite format 3", "an SQLite database, such as a GeoPackage", NO_RECORDING),
         (rb"\x00\x00\x27\x0a", "a Shapefile", NO_RECORDING),
-        (rb"[\x03\x83\xf5].[\x01-\x0c][\x01-\x1f].{4}.{2}.{2}\0\0", "a dBASE table, as of a Shapefile", NO_RECORDING),
+        (
+            rb"[\x03\x83\xf5].[\x01-\x0c][\x01-\x1f].{4}.{2}.{2}\0\0",
+            "a dBASE table, as of a Shapefile",
+            NO_RECORDING,
+        ),
         (rb"fgb[\x02-\x04]", "a FlatGeobuf file", NO_RECORDING),
         (rb"PMTiles[\x01-\x03]", "an archive of map tiles (PMTiles)", NO_RECORDING),
         (rb"(?:II\*\x00|MM\x00\*)", "a TIFF picture", NO_RECORDING),
@@ -103,7 +109,11 @@ _KINDS: Final = [
         ),
     ),
     *_table(
-        (rb"#ROS(?:RECORD|LOG)", "a ROS bag of version 1", "Convert it with `rosbag migrate` or `rosbag fix` of ROS 1"),
+        (
+            rb"#ROS(?:RECORD|LOG)",
+            "a ROS bag of version 1",
+            "Convert it with `rosbag migrate` or `rosbag fix` of ROS 1",
+        ),
         (
             rb"version https://git-lfs",
             "a pointer of Git LFS, not the file itself",
@@ -126,7 +136,11 @@ _KINDS: Final = [
         (_XML + rb"<gpx", "GPX tracks", NMEA),
         (_XML + rb"<TrainingCenterDatabase", "Garmin TCX activities", CSV),
         (_XML + rb"<(?:\w+:)?kml", "KML", NO_RECORDING),
-        (_XML + rb"<ISO11783_TaskData", "ISO 11783-10 task data", "Name it TASKDATA.XML, in a folder with its logs"),
+        (
+            _XML + rb"<ISO11783_TaskData",
+            "ISO 11783-10 task data",
+            "Name it TASKDATA.XML, in a folder with its logs",
+        ),
         (_XML + rb"<LandXML", "a LandXML surface or survey", GEODATA),
         (_XML + rb"<(?:\w+:)?FeatureCollection", "GML or WFS features", GEODATA),
         (_FIRST_TEXT + rb"<OGRVRTDataSource", "a virtual layer of GDAL (VRT), which is not followed", GEODATA),
@@ -140,7 +154,11 @@ _KINDS: Final = [
         (rb"ply\r?\n", "a PLY point cloud", TO_LAS),
         (rb"\d+\r?\n\d+\r?\n", "a PTX point cloud", TO_LAS),
         (rb"\d{1,12}\r?\n[-+.\d]+ [-+.\d]+ [-+.\d]+", "a PTS point cloud", TO_LAS),
-        (rb"\d+\t\d+\.\d+\t\[\d+\]\t", "exposure times of a DJI drone (.MRK)", "Name the folder of its images"),
+        (
+            rb"\d+\t\d+\.\d+\t\[\d+\]\t",
+            "exposure times of a DJI drone (.MRK)",
+            "Name the folder of its images",
+        ),
         is_text=True,
     ),
 ]
@@ -149,16 +167,16 @@ TEXT_HEAD_BYTES: Final = 4096
 _TEXT_CONTROLS: Final = b"\t\n\v\f\r\x1a"
 _MOST_CONTROLS: Final = 0.02
 """Share of control characters from which content is no text in any encoding."""
-BINARY: Final = "binary data"
+BINARY: Final = Text("binary data")
 
 
 def file_kind(data: bytes) -> FileKind | None:
     """The format of a file that begins with `data`, of which 64 bytes suffice; None for one that is not known."""
     head = data[:TEXT_HEAD_BYTES]
-    return next((kind for pattern, kind in _KINDS if pattern.match(head)), None)
+    return next((kind for pattern, kind in FILE_KINDS if pattern.match(head)), None)
 
 
-def binary_kind(data: bytes) -> str | None:
+def binary_kind(data: bytes) -> Text | None:
     """What content is that is no text, such as "a PNG picture" or "binary data"; None for text in any encoding.
 
     It is told by the first :data:`TEXT_HEAD_BYTES` bytes.

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.settings import allows
 
 FREE_BYTES: Final = 256 << 20
@@ -23,7 +24,7 @@ MAX_GROWTH: Final = 200
 table of a machine that stands still 100."""
 
 
-def expect_growth(what: str | Path, packed_bytes: int, unpacked_bytes: int) -> None:
+def expect_growth(what: str | Path | Text, packed_bytes: int, unpacked_bytes: int) -> None:
     """Raises RefusedError for content that is implausibly large for its file, unless the user allows it."""
     if unpacked_bytes > FREE_BYTES + MAX_GROWTH * packed_bytes and not allows("large"):
         raise RefusedError(
@@ -39,7 +40,7 @@ _WORKED_TIMES: Final = 4
 """Times the memory of a log's rows that its reader takes at most: joined, sorted and selected ones beside them."""
 
 
-def expect_rows(what: str | Path, packed_bytes: int, row_bytes: int) -> None:
+def expect_rows(what: str | Path | Text, packed_bytes: int, row_bytes: int) -> None:
     """Raises RefusedError for a log whose rows take implausibly much memory for its file.
 
     Args:
@@ -54,7 +55,7 @@ def expect_rows(what: str | Path, packed_bytes: int, row_bytes: int) -> None:
         )
 
 
-def expect_memory(what: str | Path, needed_bytes: int) -> None:
+def expect_memory(what: str | Path | Text, needed_bytes: int) -> None:
     """Raises RefusedError for content that takes more than half of the free memory, unless the user allows it."""
     if needed_bytes > FREE_BYTES:
         free = free_memory_bytes()
@@ -62,7 +63,7 @@ def expect_memory(what: str | Path, needed_bytes: int) -> None:
             raise RefusedError("too-large.memory", what=what, needed=size_text(needed_bytes), free=size_text(free))
 
 
-def expect_disk(what: str | Path, folder: Path, needed_bytes: int) -> None:
+def expect_disk(what: str | Path | Text, folder: Path, needed_bytes: int) -> None:
     """Raises RefusedError for content that takes more than half of a disk's free space, unless the user allows it."""
     if needed_bytes > FREE_BYTES:
         free = shutil.disk_usage(folder).free

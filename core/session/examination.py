@@ -63,7 +63,7 @@ class Examined:
             inspection = reader.inspect()
             inspection = replace(inspection, facts=inspection.facts | _tried_on(inspection))
             if len(known) > 1:
-                titles = ", ".join(other.reader.title for other in known if other is not one)
+                titles = tuple(other.reader.title for other in known if other is not one)
                 inspection = replace(inspection, notices=(*inspection.notices, Notice("several-makers", others=titles)))
             yield cls(inspection, reader)
 

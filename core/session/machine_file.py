@@ -11,6 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.session.session_file import FURTHER, MAX_PLACE_M, apart, implement_faults, parse_toml, together
 from furrowmap.core.values.machine import (
@@ -47,7 +48,7 @@ def load_machine(path: Path) -> Machine:
         return parse_machine(read_plain_text(path), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
-            "machine-unreadable", path=path, error=getattr(error, "strerror", None) or "not UTF-8 text"
+            "machine-unreadable", path=path, error=getattr(error, "strerror", None) or Text("not UTF-8 text")
         ) from None
 
 
@@ -62,7 +63,14 @@ def parse_machine(text: str, name: str = "machine.toml") -> Machine:
     try:
         for table, further in FURTHER.items():
             if further in data:
-                raise _invalid(name, f"{further} is no table of a profile; write [[{table}]] once for each {table}")
+                raise _invalid(
+                    name,
+                    Text(
+                        "{name} is no table of a profile; write [[{table}]] once for each {table}",
+                        name=further,
+                        table=table,
+                    ),
+                )
         machine = msgspec.convert(apart(data), Machine)
     except msgspec.ValidationError as error:
         raise _invalid(name, str(error)) from None
@@ -123,17 +131,24 @@ def learned(machine: Machine, found: LearnedMounting) -> Machine:
     )
 
 
-def _fault(value: Any, key: str = "") -> str:
-    """What is wrong with the numbers of a profile; empty if nothing is."""
+def _fault(value: Any, key: str = "") -> Text | None:
+    """What is wrong with the numbers of a profile; None if nothing is."""
     if isinstance(value, dict):
-        return next(filter(None, (_fault(item, f"{key}.{name}" if key else name) for name, item in value.items())), "")
+        return next(
+            filter(None, (_fault(item, f"{key}.{name}" if key else name) for name, item in value.items())), None
+        )
     if isinstance(value, list | tuple):
-        return next(filter(None, (_fault(item, key) for item in value)), "")
+        return next(filter(None, (_fault(item, key) for item in value)), None)
     if isinstance(value, float) and not math.isfinite(value):
-        return f"{key} must be finite, not {value}"
+        return Text("{key} must be finite, not {value}", key=key, value=value)
     if isinstance(value, float) and key.endswith(("xyz_m", "xy_m")) and abs(value) > MAX_PLACE_M:
-        return f"{key} holds {value:g}, more than {MAX_PLACE_M:g} m from the rear axle (the unit is metres)"
-    return ""
+        return Text(
+            "{key} holds {value:g}, more than {most_m:g} m from the rear axle (the unit is metres)",
+            key=key,
+            value=value,
+            most_m=MAX_PLACE_M,
+        )
+    return None
 
 
 def stated(value: Any) -> bool:
@@ -152,5 +167,5 @@ def toml_value(value: Any) -> str:
     return repr(value)
 
 
-def _invalid(name: str, why: str) -> InputError:
+def _invalid(name: str, why: Words) -> InputError:
     return InputError("machine-value", name=name, why=why)

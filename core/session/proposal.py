@@ -28,6 +28,7 @@ from furrowmap.core.readers.reader import (
 )
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.session.examination import Examined, time_matches
 from furrowmap.core.session.flight_mounting import LOOKS, FlownMounting, flight_of
 from furrowmap.core.session.machine_file import stated, toml_value
@@ -363,7 +364,7 @@ class _Beginning:
 
     crs: CrsChoice | None = None
     date: str | None = None
-    fault: str = ""
+    fault: Text | None = None
 
 
 def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
@@ -386,10 +387,14 @@ def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
         else:
             return _Beginning()
     except InputError as error:
-        return _Beginning(fault=f"The location of {recording.path.name} is unknown. {error.what}")
+        return _Beginning(
+            fault=Text("The location of {name} is unknown. {why}", name=recording.path.name, why=error.what)
+        )
     known = np.flatnonzero(np.isfinite(lon_deg) & np.isfinite(lat_deg))
     if not len(known):
-        return _Beginning(fault=f"The location of {recording.path.name} is unknown: it has no positions.")
+        return _Beginning(
+            fault=Text("The location of {name} is unknown: it has no positions.", name=recording.path.name)
+        )
     return _Beginning(
         crs=choose_crs(float(lon_deg[known[0]]), float(lat_deg[known[0]])),
         date=iso_utc(float(t_s[0])).partition("T")[0] if near_s is not None else None,
@@ -411,8 +416,12 @@ def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginn
     if not choices:
         return _Beginning()
     return _Beginning(
-        fault=f"{recording.path.name} has latitudes and longitudes in the area of {choices[0].code}, but its eastings "
-        "and northings are in another CRS: state it in [crs] map."
+        fault=Text(
+            "{name} has latitudes and longitudes in the area of {code}, but its eastings "
+            "and northings are in another CRS: state it in [crs] map.",
+            name=recording.path.name,
+            code=choices[0].code,
+        )
     )
 
 
@@ -636,7 +645,7 @@ def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> li
     lines = []
     for recording, clock in recordings:
         span = f", {iso_utc(clock.first_s)} to {iso_utc(clock.last_s)} ({clock.clock.value})" if clock else ""
-        lines.append(f"# {printable(recording.path.name)}: {printable(recording.inspection.title)}{span}")
+        lines.append(f"# {printable(recording.path.name)}: {printable(str(recording.inspection.title))}{span}")
     return lines
 
 

@@ -9,6 +9,7 @@ from furrowmap.core.readers.exif import exif_images
 from furrowmap.core.readers.image_table import read_image_table
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import MAX_ENTRIES, LeavesFolder, TooManyEntries, leads_out, matching, resolved
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.session import CameraSource
@@ -19,7 +20,7 @@ _WILD: Final = frozenset("*?[")
 def camera_of(source: CameraSource) -> Camera:
     """The camera of the table `[camera]`. Raises ValueError if its size, intrinsics or a supported model is missing."""
     if source.width is None or source.height is None:
-        raise ValueError("camera.width and camera.height, the size of the images in pixels, are missing")
+        raise ValueError(Text("camera.width and camera.height, the size of the images in pixels, are missing"))
     size = (source.width, source.height)
     if source.model is not None:
         try:
@@ -29,7 +30,9 @@ def camera_of(source: CameraSource) -> Camera:
     else:
         missing = [f"camera.{name}" for name in PINHOLE if getattr(source, name) is None]
         if missing:
-            raise ValueError(f"{', '.join(missing)} (pixels) missing; or state camera.model and camera.params")
+            raise ValueError(
+                Text("{missing} (pixels) missing; or state camera.model and camera.params", missing=", ".join(missing))
+            )
         numbers: dict[str, float] = {name: getattr(source, name) for name in (*PINHOLE, *DISTORTION)}
         camera = Camera(*size, **numbers)  # type: ignore[arg-type]
     return mounted(camera, source)
@@ -40,18 +43,18 @@ def mounted(camera: Camera, source: CameraSource) -> Camera:
     return replace(camera, xyz_m=source.xyz_m, rpy_deg=source.rpy_deg, shutter_delay_s=source.shutter_delay_s)
 
 
-def camera_faults(source: CameraSource | None) -> Iterator[str]:
+def camera_faults(source: CameraSource | None) -> Iterator[Words]:
     """What is wrong with the table `[camera]`."""
     if source is None:
         return
     if source.table is None and not source.files:
-        yield "[camera] names no images: set camera.table or camera.files"
+        yield Text("[camera] names no images: set camera.table or camera.files")
     if source.topic is not None and not source.files:
-        yield "camera.topic is of bags: name them in camera.files"
+        yield Text("camera.topic is of bags: name them in camera.files")
     if source.every_s and source.topic is None:
-        yield "camera.every_s thins the images of camera.topic, which is missing"
+        yield Text("camera.every_s thins the images of camera.topic, which is missing")
     if source.control_pixels is not None and source.control_points is None:
-        yield "camera.control_pixels needs camera.control_points, the surveyed places of the same points"
+        yield Text("camera.control_pixels needs camera.control_points, the surveyed places of the same points")
     if not source.has_intrinsics:  # recorded, or still to be filled in
         return
     try:

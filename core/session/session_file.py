@@ -17,6 +17,7 @@ from msgspec.inspect import is_struct_type, type_info
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_signatures import TEXT_HEAD_BYTES, binary_kind
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.session.session_camera import camera_faults
 from furrowmap.core.session.value_faults import value_faults
@@ -63,9 +64,9 @@ def parse_toml(text: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError:
         raise
     except RecursionError:
-        raise tomllib.TOMLDecodeError("it is nested too deeply") from None
+        raise tomllib.TOMLDecodeError(Text("it is nested too deeply")) from None
     except ValueError:  # Python converts no more than 4,300 digits
-        raise tomllib.TOMLDecodeError("a number has too many digits") from None
+        raise tomllib.TOMLDecodeError(Text("a number has too many digits")) from None
 
     def has_huge(value: object) -> bool:
         if isinstance(value, dict | list):
@@ -75,9 +76,9 @@ def parse_toml(text: str) -> dict[str, Any]:
     try:
         huge = has_huge(data)
     except RecursionError:  # of tables that are nested by the parts of their keys
-        raise tomllib.TOMLDecodeError("it is nested too deeply") from None
+        raise tomllib.TOMLDecodeError(Text("it is nested too deeply")) from None
     if huge:
-        raise tomllib.TOMLDecodeError("an integer has more than 64 bits")
+        raise tomllib.TOMLDecodeError(Text("an integer has more than 64 bits"))
     return data
 
 
@@ -120,24 +121,35 @@ def together(data: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in data.items() if key not in FURTHER.values()} | joined
 
 
-def _several_faults(tables: Sequence[Any], table: str, most: int, example: str) -> Iterator[str]:
+def _several_faults(tables: Sequence[Any], table: str, most: int, example: str) -> Iterator[Words]:
     """What is wrong with several tables of a kind, or with their names."""
     if len(tables) < 2:
         return
     if len(tables) > most:
-        yield f"[[{table}]] is given {len(tables)} times; at most {most} are allowed"
+        yield Text(
+            "[[{table}]] is given {times} times; at most {most} are allowed",
+            table=table,
+            times=len(tables),
+            most=most,
+        )
     names = [one.name.strip() for one in tables]
     if not all(names):
-        yield f'each of several [[{table}]] needs a name, such as name = "{example}"'
+        yield Text(
+            "each of several [[{table}]] needs a name, such as name = {example}", table=table, example=f'"{example}"'
+        )
     if len(set(names)) < len(names):
-        yield f"two [[{table}]] have the name {next(name for name in names if names.count(name) > 1)!r}"
+        yield Text(
+            "two [[{table}]] have the name {name!r}",
+            table=table,
+            name=next(name for name in names if names.count(name) > 1),
+        )
 
 
-def implement_faults(tools: Sequence[Implement | MachineImplement]) -> Iterator[str]:
+def implement_faults(tools: Sequence[Implement | MachineImplement]) -> Iterator[Words]:
     """What is wrong with several implements, or with their names."""
     yield from _several_faults(tools, "implement", MAX_IMPLEMENTS, "front roller")
     if sum(tool.moves_soil for tool in tools) > 1:
-        yield "implement.moves_soil is true of more than one [[implement]]"
+        yield Text("implement.moves_soil is true of more than one [[implement]]")
 
 
 def load_session(path: Path) -> Session:
@@ -162,11 +174,11 @@ def session_text(content: bytes, name: object) -> str:
     """The text of a session from the bytes of its file; `name` is that of the file in errors. Raises InputError."""
     kind = binary_kind(content[:TEXT_HEAD_BYTES])
     if kind is not None:
-        raise InputError("session-unreadable", path=name, why=f"it is {kind}, not text")
+        raise InputError("session-unreadable", path=name, why=Text("it is {kind}, not text", kind=kind))
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError:
-        raise InputError("session-unreadable", path=name, why="not UTF-8 text") from None
+        raise InputError("session-unreadable", path=name, why=Text("not UTF-8 text")) from None
 
 
 def parse_session(text: str, name: str = "session.toml") -> Session:
@@ -242,17 +254,17 @@ def _conversion_error(data: dict[str, Any], name: str, otherwise: str) -> InputE
     )
 
 
-def _faults(session: Session) -> Iterator[str]:
+def _faults(session: Session) -> Iterator[Words]:
     """The faults of the values."""
     for key, number in _numbers(msgspec.to_builtins(session)):
         if not math.isfinite(number):
-            yield f"{key} must be finite, not {number}"
+            yield Text("{key} must be finite, not {value}", key=key, value=number)
     implement = session.implement
     flies = session.imu is not None or session.attitude is not None  # its trajectory is worth having alone
     if not session.recording.lidar and not any(tool.states for tool in session.implements) and not flies:
-        yield "recording.lidar names no file, and neither does implement.states, imu.files or attitude.roll_pitch"
+        yield Text("recording.lidar names no file, and neither does implement.states, imu.files or attitude.roll_pitch")
     if not session.recording.gnss and session.trajectory is None:
-        yield "recording.gnss names no file, and there is no [trajectory]"
+        yield Text("recording.gnss names no file, and there is no [trajectory]")
     if session.crs.parameters is not None and session.crs.coordinates != CURRENT_EPOCH:
         yield f'crs.parameters needs crs.coordinates = "{CURRENT_EPOCH}", not {session.crs.coordinates!r}'
     if session.field.time_zone is not None and session.field.time_zone not in zoneinfo.available_timezones():
@@ -267,19 +279,23 @@ def _faults(session: Session) -> Iterator[str]:
         except ValueError:
             yield f'recording.date must be a date such as "2026-06-11", not {session.recording.date!r}'
     if session.recording.span_s[0] >= session.recording.span_s[1]:
-        yield "recording.to must be later than recording.from"
+        yield Text("recording.to must be later than recording.from")
     yield from _far_places(session)
     if session.imu is not None:
         known = (*IMU_CLASSES, *IMU_MODELS)
         if not session.imu.files:
-            yield "imu.files names no file"
+            yield Text("imu.files names no file")
         if session.imu.kind not in known:
             kind = session.imu.kind
-            yield f"imu.class must be one of {', '.join(known)}, not {kind!r}; imu.noise states other figures"
+            yield Text(
+                "imu.class must be one of {known}, not {kind!r}; imu.noise states other figures",
+                known=", ".join(known),
+                kind=kind,
+            )
         if session.imu.heading == "attitude" and session.attitude is None:
             yield 'imu.heading is "attitude", which needs [attitude] with the log of headings'
     if session.lidar.rpy_walk_deg_rts and (session.imu is None or implement is not None):
-        yield "lidar.rpy_walk_deg_rts needs [imu] and no [implement]: only strips of a flight show such a change"
+        yield Text("lidar.rpy_walk_deg_rts needs [imu] and no [implement]: only strips of a flight show such a change")
     attitude = session.attitude
     if attitude is not None and attitude.north == MAGNETIC_NORTH and attitude.declination_deg is None:
         yield 'attitude.north is "magnetic", which needs attitude.declination_deg (positive east)'
@@ -288,16 +304,19 @@ def _faults(session: Session) -> Iterator[str]:
     if any(tool.states_use == CHECK for tool in session.implements) and not session.recording.lidar:
         yield f'implement.states_use is "{CHECK}", which needs recording.lidar'
     if session.trajectory is not None and not session.trajectory.files:
-        yield "trajectory.files names no file"
+        yield Text("trajectory.files names no file")
     for region_m in (tool.region_m for tool in session.implements if tool.region_m is not None):
         x0, x1, y0, y1 = region_m
         if not (x0 < x1 and y0 < y1):
-            yield "implement.region_m must be [x_min, x_max, y_min, y_max] with each minimum below its maximum"
+            yield Text("implement.region_m must be [x_min, x_max, y_min, y_max] with each minimum below its maximum")
         if max(abs(value) for value in region_m) > MAX_PLACE_M:
-            yield f"implement.region_m reaches farther than {MAX_PLACE_M:g} m from the rear axle (the unit is metres)"
+            yield Text(
+                "implement.region_m reaches farther than {most_m:g} m from the rear axle (the unit is metres)",
+                most_m=MAX_PLACE_M,
+            )
 
 
-def _lidar_faults(session: Session) -> Iterator[str]:
+def _lidar_faults(session: Session) -> Iterator[Words]:
     """What is wrong with several scanners."""
     lidars = session.lidars
     yield from _several_faults(lidars, "lidar", MAX_LIDARS, "front")
@@ -309,12 +328,14 @@ def _lidar_faults(session: Session) -> Iterator[str]:
     read = [(set(lidar.files), lidar.source) for lidar in lidars]
     for (files, source), (others, other) in itertools.combinations(read, 2):
         if files & others and (source is None or other is None or source == other):
-            yield "two [[lidar]] read the same file; each needs its own lidar.source there, or its own lidar.files"
+            yield Text(
+                "two [[lidar]] read the same file; each needs its own lidar.source there, or its own lidar.files"
+            )
     if len(lidars) > 1 and session.mount is not None:
-        yield "[mount] moves one scanner, but there are several [[lidar]]"
+        yield Text("[mount] moves one scanner, but there are several [[lidar]]")
 
 
-def _far_places(session: Session) -> Iterator[str]:
+def _far_places(session: Session) -> Iterator[Words]:
     """Implausibly far positions in the vehicle frame, which were given in another unit."""
     tables = ("imu", "mount", "camera", "antenna")
     places: list[tuple[str, tuple[float, ...] | None]] = [("lidar.xyz_m", lidar.xyz_m) for lidar in session.lidars]
@@ -325,10 +346,15 @@ def _far_places(session: Session) -> Iterator[str]:
             continue
         far_m = max(place, key=abs)
         if abs(far_m) > MAX_PLACE_M:
-            yield f"{key} holds {far_m:g}, more than {MAX_PLACE_M:g} m from the rear axle (the unit is metres)"
+            yield Text(
+                "{key} holds {value:g}, more than {most_m:g} m from the rear axle (the unit is metres)",
+                key=key,
+                value=far_m,
+                most_m=MAX_PLACE_M,
+            )
 
 
-def _repetitions(session: Session) -> Iterator[str]:
+def _repetitions(session: Session) -> Iterator[Words]:
     """Files that a key names twice; their scans or positions would count twice."""
     trajectory = session.trajectory.files if session.trajectory is not None else ()
     for key, names in (
@@ -342,7 +368,7 @@ def _repetitions(session: Session) -> Iterator[str]:
         paths = [posixpath.normpath(name) for name in names]
         for k, path in enumerate(paths):
             if path in paths[:k]:
-                yield f"{key} names {path!r} twice"
+                yield Text("{key} names {path!r} twice", key=key, path=path)
 
 
 def _numbers(value: Any, key: str = "") -> Iterator[tuple[str, float]]:

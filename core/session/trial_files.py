@@ -12,6 +12,7 @@ from furrowmap.core.readers.image_table import is_image_table, read_image_table
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.languages.texts import Words
 
 _TABLES: Final = (".csv", ".xlsx", ".xls", ".ods")
 _MOST_TABLE_BYTES: Final = 2_000_000
@@ -117,5 +118,5 @@ def _has_treatments(path: Path, notices: list[Notice]) -> bool:
     return found
 
 
-def _unreadable(path: Path, why: str) -> InputError:
+def _unreadable(path: Path, why: Words) -> InputError:
     return InputError("parcels-unreadable", path=path, why=why, formats="")

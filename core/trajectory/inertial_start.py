@@ -27,6 +27,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.trajectory.alignment import CHUNK_KNOTS, HALVES, Attitudes, attitudes, averaged_knots, moving_mean
 from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, RecordedHeading
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
@@ -50,18 +51,18 @@ MAX_MISFIT: Final = 8.0
 KNOTS_TRIED: Final = 1200
 """Knots on which other units and signs are tried."""
 _ALTERNATIVES: Final = (
-    ("its angular rates were in degrees per second instead of radians", np.pi / 180.0, 1.0),
-    ("its angular rates were in radians per second instead of degrees", 180.0 / np.pi, 1.0),
-    ("its angular rates were in degrees or radians per second instead of thousandths of them", 1000.0, 1.0),
-    ("its angular rates were in thousandths of degrees or radians per second instead of whole ones", 0.001, 1.0),
-    ("its specific force were in g instead of m/s²", 1.0, 9.80665),
-    ("its specific force were in m/s² instead of g", 1.0, 1.0 / 9.80665),
-    ("its specific force had the other sign (an acceleration that points down at rest)", 1.0, -1.0),
-    ("its angular rates had the other sign", -1.0, 1.0),
-    ("its angular rate about the vehicle's x axis had the other sign", np.array([-1.0, 1.0, 1.0]), 1.0),
-    ("its angular rate about the vehicle's y axis had the other sign", np.array([1.0, -1.0, 1.0]), 1.0),
-    ("its angular rate about the vehicle's z axis had the other sign", np.array([1.0, 1.0, -1.0]), 1.0),
-    ("its axes were left-handed (one axis of both sensors with the other sign, or two swapped)", -1.0, -1.0),
+    (Text("its angular rates were in degrees per second instead of radians"), np.pi / 180.0, 1.0),
+    (Text("its angular rates were in radians per second instead of degrees"), 180.0 / np.pi, 1.0),
+    (Text("its angular rates were in degrees or radians per second instead of thousandths of them"), 1000.0, 1.0),
+    (Text("its angular rates were in thousandths of degrees or radians per second instead of whole ones"), 0.001, 1.0),
+    (Text("its specific force were in g instead of m/s²"), 1.0, 9.80665),
+    (Text("its specific force were in m/s² instead of g"), 1.0, 1.0 / 9.80665),
+    (Text("its specific force had the other sign (an acceleration that points down at rest)"), 1.0, -1.0),
+    (Text("its angular rates had the other sign"), -1.0, 1.0),
+    (Text("its angular rate about the vehicle's x axis had the other sign"), np.array([-1.0, 1.0, 1.0]), 1.0),
+    (Text("its angular rate about the vehicle's y axis had the other sign"), np.array([1.0, -1.0, 1.0]), 1.0),
+    (Text("its angular rate about the vehicle's z axis had the other sign"), np.array([1.0, 1.0, -1.0]), 1.0),
+    (Text("its axes were left-handed (one axis of both sensors with the other sign, or two swapped)"), -1.0, -1.0),
 )
 """What may be wrong, and by which factors of rate and force it is mended."""
 
@@ -213,14 +214,14 @@ def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
     return np.concatenate(long)
 
 
-def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> tuple[float, str]:
-    """A common offset of the IMU's clock with which both would overlap, and its cause; "" without one."""
+def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> tuple[float, Text | None]:
+    """A common offset of the IMU's clock with which both would overlap, and its cause; None without one."""
     if not (len(imu_s) and len(positions_s)):
-        return 0.0, ""
+        return 0.0, None
     leap_s = float(gps_minus_utc_s(float(positions_s[0])))
-    common = [(sign * leap_s, "leap seconds") for sign in (1, -1)]
-    common += [(sign * k * HOUR_S, "a local time taken for UTC") for k in range(1, 15) for sign in (1, -1)]
-    common += [(-GPS_EPOCH_S + leap_s, "GPS time taken for UTC since 1970")]
+    common: list[tuple[float, Text | None]] = [(sign * leap_s, Text("leap seconds")) for sign in (1, -1)]
+    common += [(sign * k * HOUR_S, Text("a local time taken for UTC")) for k in range(1, 15) for sign in (1, -1)]
+    common += [(-GPS_EPOCH_S + leap_s, Text("GPS time taken for UTC since 1970"))]
 
     def overlap_s(offset_s: float) -> float:
         first = max(imu_s[0] - offset_s, positions_s[0])
@@ -228,7 +229,7 @@ def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> tuple[float, s
 
     best_s, cause = max(common, key=lambda offset: overlap_s(offset[0]))
     if overlap_s(best_s) < 0.5 * min(float(np.ptp(imu_s)), float(np.ptp(positions_s))):
-        return 0.0, ""
+        return 0.0, None
     return best_s, cause
 
 
@@ -273,7 +274,7 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
     return replace(problem, knots=knots), State(xyz, rotation, added, problem.hints.layout)
 
 
-def likely_mistake(problem: InertialProblem, misfit: float | None = None) -> str | None:
+def likely_mistake(problem: InertialProblem, misfit: float | None = None) -> Text | None:
     """The unit or sign with which measurements fit the positions much better, in words; None where none does.
 
     Args:
@@ -287,13 +288,13 @@ def likely_mistake(problem: InertialProblem, misfit: float | None = None) -> str
         if stated is None:  # it shows nothing to compare with
             return None
         misfit = stated.misfit
-    better = []
+    better: list[tuple[float, Text]] = []
     for words, rate, force in _ALTERNATIVES:
         tried = replace(track, rate_radps=track.rate_radps * rate, force_mps2=track.force_mps2 * force)
         guess = _guess_states(problem, part, tried)
         if guess is not None and guess.misfit < misfit / 3.0:
             better.append((guess.misfit, words))
-    return min(better)[1] if better else None
+    return min(better, key=lambda one: one[0])[1] if better else None
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import DAY_S, HOUR_S, WEEK_S
 
 _OFFSETS: Final = (
-    (18.0, 1, "leap seconds: GPS time taken for UTC"),
-    (HOUR_S, 14, "a local time taken for UTC"),
-    (HOUR_S / 4, 56, "a local time taken for UTC"),
-    (DAY_S, 7, "a wrong date"),
-    (1024 * WEEK_S, 2, "a GPS week rollover"),
+    (18.0, 1, Text("leap seconds: GPS time taken for UTC")),
+    (HOUR_S, 14, Text("a local time taken for UTC")),
+    (HOUR_S / 4, 56, Text("a local time taken for UTC")),
+    (DAY_S, 7, Text("a wrong date")),
+    (1024 * WEEK_S, 2, Text("a GPS week rollover")),
 )
 """Step, largest multiple and cause of common clock offsets, most likely first."""
 _NAMED_S: Final = 0.6
@@ -39,7 +40,7 @@ class ClockReading:
     note: str = ""
 
 
-def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, str] | None:
+def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, Text] | None:
     """The likely offset of the first clock relative to the second, and its cause, if the recordings do not overlap.
 
     Returns:
@@ -59,13 +60,13 @@ def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, str
     return None
 
 
-def named_offset(offset_s: float) -> str:
-    """The common cause of a clock offset, such as leap seconds; empty where there is none."""
+def named_offset(offset_s: float) -> Text | None:
+    """The common cause of a clock offset, such as leap seconds; None where there is none."""
     for step_s, largest, cause in _OFFSETS:
         number = round(offset_s / step_s)
         if 0 < abs(number) <= largest and abs(offset_s - number * step_s) < _NAMED_S:
             return cause
-    return ""
+    return None
 
 
 def overlap_s(first: ClockReading, second: ClockReading, offset_s: float = 0.0) -> float:

@@ -21,6 +21,7 @@ from rasterio.errors import NotGeoreferencedWarning
 
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO, ResultFolder
 
@@ -187,5 +188,5 @@ def _padded(size: int) -> int:
     return -(-size // 4) * 4
 
 
-def _unusable(path: Path, fault: str) -> InputError:
+def _unusable(path: Path, fault: Words) -> InputError:
     return InputError("not-a-surface", path=path, fault=fault)

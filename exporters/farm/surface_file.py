@@ -18,6 +18,7 @@ from furrowmap.core.readers.raster_heights import HeightScale, height_scale
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.rasters.cog import Band
 from furrowmap.exporters.rasters.windows import shared_cells, window
@@ -139,7 +140,7 @@ def warp_options(file: SurfaceFile, crs: CRS, grid: Grid) -> dict[str, Any]:
     }
 
 
-def unusable(path: Path, why: str) -> InputError:
+def unusable(path: Path, why: Words) -> InputError:
     """The error of a file that a mosaic cannot be made of."""
     return InputError("surface-unusable", path=path, why=why)
 

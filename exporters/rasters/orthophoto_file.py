@@ -15,6 +15,7 @@ from furrowmap.core.images.colouring import OPAQUE, Colours
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.grid import Grid
@@ -86,5 +87,5 @@ def _pictures(
         yield from in_turn(pool, lambda one: (one[2], colours.orthophoto(*one, finer, origin_m)), known, threads() + 1)
 
 
-def _unusable(path: Path, fault: str) -> InputError:
+def _unusable(path: Path, fault: Words) -> InputError:
     return InputError("not-a-surface.for-this-work", path=path, fault=fault)

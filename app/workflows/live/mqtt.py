@@ -8,6 +8,7 @@ from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
 from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.supervised import SupervisedThread
 
 PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
@@ -17,6 +18,7 @@ MQTT_KEEP_ALIVE_S: Final = 15
 LOOP_S: Final = 0.05
 MAX_ANSWER_BYTES: Final = 1 << 16
 """Nothing is subscribed to, so a broker sends acknowledgements, of some bytes."""
+_WAITING: Final = Text("no connection yet")
 
 
 class MqttOutlet:
@@ -54,7 +56,7 @@ class MqttOutlet:
         self._user = (unquote(parts.username), unquote(parts.password or "") or None) if parts.username else None
         self._is_connected = False
         self._waiting: dict[str, str] = {}
-        self.fault: Notice | None = Notice("live-mqtt", broker=self._broker, reason="no connection yet")
+        self.fault: Notice | None = Notice("live-mqtt", broker=self._broker, reason=_WAITING)
         self.thread = SupervisedThread("MQTT", self._connect_often, self._ended)
         self.thread.ensure()
 
@@ -102,7 +104,7 @@ class MqttOutlet:
                 client.publish(f"{self._topic}/state", "offline", retain=True)
             client.disconnect()
             self._is_connected = False
-        self._lost("the connection was lost")
+        self._lost(Text("the connection was lost"))
 
     def _connected(self, client: Any, _data: object, _flags: object, reason: Any, _properties: object) -> None:
         if reason.is_failure:
@@ -112,9 +114,9 @@ class MqttOutlet:
         self._is_connected = True
         client.publish(f"{self._topic}/state", "online", retain=True)
 
-    def _lost(self, reason: str) -> None:
+    def _lost(self, reason: Words) -> None:
         """The connection has ended; a reason that the broker gave is kept."""
-        is_refused = self.fault is not None and "no connection yet" not in self.fault.text
+        is_refused = self.fault is not None and ("reason", _WAITING) not in self.fault.values
         if not is_refused and not self.thread.stopping.is_set():
             self.fault = Notice("live-mqtt", broker=self._broker, reason=reason)
 

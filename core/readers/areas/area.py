@@ -20,6 +20,7 @@ from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, Unreadable
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
@@ -126,7 +127,7 @@ def read_area(path: Path, target: CRS) -> Area:
     return Area(path, tuple(parts), found.notices)
 
 
-def nothing_within(area: Area, what: str, at_m: tuple[float, float] | None) -> InputError:
+def nothing_within(area: Area, what: Words, at_m: tuple[float, float] | None) -> InputError:
     """The error where nothing of `what`, such as "12 points" at easting and northing, lies in an area."""
     bounds = ", ".join(f"{end:.1f}" for end in area.bounds_m)
     return InputError(

@@ -17,6 +17,7 @@ from furrowmap.core.readers.isoxml.content import is_task_data, open_task_sets, 
 from furrowmap.core.readers.text_table import column_names, is_spreadsheet, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable, read_polygons
 from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.languages.texts import Text
 
 _LONGITUDES: Final = CRS.from_epsg(4326)
 IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
@@ -46,7 +47,7 @@ def open_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> Pol
     if is_task_data(path):
         return _of_task_data(path, unreadable)
     if path.is_dir():
-        raise unreadable("it is a folder, and neither that of a field of AgOpenGPS nor of task data")
+        raise unreadable(Text("it is a folder, and neither that of a field of AgOpenGPS nor of task data"))
     return _corner_polygons(path, target, unreadable) if _is_corner_table(path) else read_polygons(path, unreadable)
 
 
@@ -63,7 +64,7 @@ def _of_task_data(path: Path, unreadable: Unreadable) -> Polygons:
     fields = [one for content in sets for one in content.partfields.values()]
     known = [one for one in fields if one.boundary is not None]
     if not known:
-        raise unreadable(f"none of its {len(fields)} fields has a boundary")
+        raise unreadable(Text("none of its {fields} fields has a boundary", fields=len(fields)))
     names = tuple({"name": one.name or None, "id": one.id} for one in known)
     shapes = tuple(one.boundary for one in known if one.boundary is not None)
     return Polygons(shapes, names, _LONGITUDES, tuple(notice for one in sets for notice in one.notices))
@@ -82,14 +83,16 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
     """The polygons of the rows with the same identifier, in order, in the CRS of the map or its geographic base."""
     size = path.stat().st_size
     if size > MAX_VECTOR_BYTES:
-        raise unreadable(f"{size:,} bytes is too large for a table of corners")
+        raise unreadable(Text("{size:,} bytes is too large for a table of corners", size=size))
     table = read_table(path, unreadable)
     pair = next((pair for pair in _PAIRS if set(pair) <= set(table.columns)), None)
     pair = pair or next((pair for pair in _PAIRS if all(table.find([name]) for name in pair)), None)
     names = [table.find([name]) or name for name in pair or ()]
     column = table.find(IDS)
     if pair is None or column is None or not table.lines:
-        raise unreadable(f"no rows with an identifier and two coordinates (its columns: {table.names})")
+        raise unreadable(
+            Text("no rows with an identifier and two coordinates (its columns: {names})", names=table.names)
+        )
     other_unit = unit_fault([table.unit_m(name) for name in names], target) if pair in _MAP_PAIRS else ""
     if other_unit:
         raise unreadable(other_unit)
@@ -97,10 +100,10 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
     for name in names:
         fault = table.first_fault(name)
         if fault is not None:
-            raise unreadable(f"line {fault[0]} holds {fault[1]!r} under {name}")
+            raise unreadable(Text("line {line} holds {text!r} under {name}", line=fault[0], text=fault[1], name=name))
     if not np.isfinite(xy).all():
         row = int(np.flatnonzero(~np.isfinite(xy).all(axis=1))[0])
-        raise unreadable(f"line {table.lines[row]} has a coordinate that is empty or not finite")
+        raise unreadable(Text("line {line} has a coordinate that is empty or not finite", line=table.lines[row]))
     rows: dict[str, list[int]] = {}
     for k, name in enumerate(table.columns[column]):
         rows.setdefault(name.strip(), []).append(k)
@@ -109,11 +112,17 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
     attributes: list[dict[str, object]] = []
     for name, members in rows.items():
         if len(members) < 3:
-            raise unreadable(f"parcel {name!r} has {len(members)} corners, and a polygon has three or more")
+            raise unreadable(
+                Text(
+                    "parcel {name!r} has {corners} corners, and a polygon has three or more",
+                    name=name,
+                    corners=len(members),
+                )
+            )
         shapes.append(shapely.Polygon(xy[members]))
         attributes.append({column: name, **{key: number_or_text(cells[members[0]]) for key, cells in others.items()}})
     if target is None and pair in _MAP_PAIRS:
-        raise unreadable("it states no CRS for its eastings and northings; longitudes and latitudes need none")
+        raise unreadable(Text("it states no CRS for its eastings and northings; longitudes and latitudes need none"))
     base = target.geodetic_crs if target is not None else _LONGITUDES
     crs = target if target is not None and (pair in _MAP_PAIRS or base is None) else base
     assert crs is not None

@@ -13,6 +13,7 @@ import numpy as np
 
 from furrowmap.core.readers.spinning.scanner_model import Maker, Model, PacketLayout
 from furrowmap.core.readers.spinning.spinning_captures import SpinningPcap
+from furrowmap.core.runtime.languages.texts import Text
 
 _HESAI_MARK: Final = {0: 0xEE, 1: 0xFF}
 _XT: Final = PacketLayout(
@@ -147,5 +148,5 @@ class HesaiPcap(SpinningPcap):
     """Scans in captures of a PandarXT-16, PandarXT-32, PandarXT-32M, PandarQT64, Pandar40P or Pandar64."""
 
     format: ClassVar[str] = "hesai-pcap"
-    title: ClassVar[str] = "Hesai packets in a PCAP capture"
+    title: ClassVar[Text] = Text("Hesai packets in a PCAP capture")
     maker: ClassVar[Maker] = HESAI

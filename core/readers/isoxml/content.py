@@ -23,6 +23,7 @@ from furrowmap.core.readers.isoxml.devices import DeviceElement, device_elements
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name, leads_out
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.memory import expect_growth, expect_memory
 from furrowmap.core.runtime.plain_reads import open_plain
 
@@ -148,7 +149,7 @@ def _folders_of_mains(path: Path, names: list[str]) -> list[tuple[PurePosixPath,
 
 def _read_file(path: Path) -> bytes:
     if path.stat().st_size > MAX_FILE_BYTES:
-        raise OSError(f"{path.stat().st_size:,} bytes is more than any task data")
+        raise OSError(Text("{size:,} bytes is more than any task data", size=path.stat().st_size))
     return path.read_bytes()
 
 
@@ -185,22 +186,28 @@ def _read_entry(path: Path, entry: zipfile.ZipInfo) -> bytes:
     with zipfile.ZipFile(path) as archive, archive.open(entry) as stream:
         data = stream.read(entry.file_size + 1)
     if len(data) != entry.file_size:
-        raise zipfile.BadZipFile(f"{len(data):,} bytes instead of the {entry.file_size:,} that the archive states")
+        raise zipfile.BadZipFile(
+            Text(
+                "{size:,} bytes instead of the {stated:,} that the archive states",
+                size=len(data),
+                stated=entry.file_size,
+            )
+        )
     return data
 
 
-def _hostile_entry(entries: list[zipfile.ZipInfo]) -> str:
-    """What is hostile about the first entry that is; "" without."""
+def _hostile_entry(entries: list[zipfile.ZipInfo]) -> Text | None:
+    """What is hostile about the first entry that is; None without."""
     if len(entries) > MAX_ARCHIVE_FILES:
-        return f"it has {len(entries):,} files"
+        return Text("it has {files:,} files", files=len(entries))
     for entry in entries:
         # A backslash separates folders in archives of some programs for Windows.
         parts = PurePosixPath(entry.filename.replace("\\", "/")).parts
         if not parts or not all(map(is_file_name, parts)):
-            return f"the name {entry.filename!r} points outside the archive"
+            return Text("the name {filename!r} points outside the archive", filename=entry.filename)
         if stat.S_ISLNK(entry.external_attr >> 16):
-            return f"{entry.filename!r} is a link"
-    return ""
+            return Text("{filename!r} is a link", filename=entry.filename)
+    return None
 
 
 TASK_DATA_ROOT: Final = "ISO11783_TaskData"

@@ -45,6 +45,7 @@ from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack, assumed_sigma_m
 from furrowmap.core.values.scan import Clock, ClockReading
@@ -490,7 +491,7 @@ class TaskDataLog(FileReader):
     """The tasks of ISO 11783-10 task data: a TASKDATA folder, its TASKDATA.XML, or a zip archive of it."""
 
     format: ClassVar[str] = "isoxml"
-    title: ClassVar[str] = "ISO 11783-10 task data (folder or .zip)"
+    title: ClassVar[Text] = Text("ISO 11783-10 task data (folder or .zip)")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

@@ -6,6 +6,7 @@ from typing import Final
 from xml.parsers import expat  # document types, and with them entities, are rejected below
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text
 
 MAX_LEVELS: Final = 64
 MAX_ELEMENTS: Final = 5_000_000
@@ -44,7 +45,11 @@ def parse_xml(data: bytes, name: str) -> Element:
         nonlocal count
         count += 1
         if count > MAX_ELEMENTS or len(path) > MAX_LEVELS:
-            what = f"more than {MAX_ELEMENTS:,} elements, or more than {MAX_LEVELS} levels"
+            what = Text(
+                "more than {max_elements:,} elements, or more than {max_levels} levels",
+                max_elements=MAX_ELEMENTS,
+                max_levels=MAX_LEVELS,
+            )
             raise InputError("xml-hostile", name=name, what=what)
         path[-1].children.append(Element(tag, attributes))
         path.append(path[-1].children[-1])
@@ -58,7 +63,7 @@ def parse_xml(data: bytes, name: str) -> Element:
             texts[-1].append(text)
 
     def refuse_doctype(*_: object) -> None:
-        what = "a document type, which can refer to other files and expand without limit"
+        what = Text("a document type, which can refer to other files and expand without limit")
         raise InputError("xml-hostile", name=name, what=what)
 
     parser = expat.ParserCreate()

@@ -44,6 +44,7 @@ from furrowmap.core.readers.las.point_records import TIME_SAMPLE, CloudBatch, Ti
 from furrowmap.core.readers.vertical_keys import heights_by_keys, heights_differ, tells_more, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.crs import crs_of_file
@@ -263,11 +264,13 @@ class _OctreeError(Exception):
 def _index(file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz: LazPoints) -> CopcIndex:
     info = next(record for record in records if (record.user, record.number) == ("copc", 1))
     if len(info.data) < INFO_BYTES:
-        raise _OctreeError(f"the info record has {len(info.data)} bytes instead of {INFO_BYTES}")
+        raise _OctreeError(
+            Text("the info record has {size} bytes instead of {wanted}", size=len(info.data), wanted=INFO_BYTES)
+        )
     *cube, root_at, root_bytes, _, _ = _INFO.unpack_from(info.data)
     x, y, z, half, spacing = cube
     if not (np.isfinite(cube).all() and half > 0 and spacing > 0):
-        raise _OctreeError(f"half size of the cube {half:g}, spacing {spacing:g}")
+        raise _OctreeError(Text("half size of the cube {half:g}, spacing {spacing:g}", half=half, spacing=spacing))
     entries = _entries(file, header, int(root_at), int(root_bytes))
     nodes = entries[entries["points"] > 0]
     if int(nodes["points"].sum(dtype=np.int64)) != header.points or len(nodes) != len(laz.points):
@@ -276,7 +279,7 @@ def _index(file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz:
     level = nodes["key"][:, :1]
     place = nodes["key"][:, 1:]
     if np.any(level < 0) or np.any(level > MAX_LEVEL) or np.any(place < 0) or np.any(place >= 2.0**level):
-        raise _OctreeError("a node is outside the cube")
+        raise _OctreeError(Text("a node is outside the cube"))
     chunks = np.searchsorted(laz.begins, nodes["offset"].astype(np.int64))
     fitting = chunks < len(laz.begins)
     at = np.minimum(chunks, len(laz.begins) - 1)
@@ -285,7 +288,13 @@ def _index(file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz:
     if not fitting.all():
         number = int(np.flatnonzero(~fitting)[0])
         node = "-".join(map(str, nodes["key"][number].tolist()))
-        raise _OctreeError(f"node {node} is not a chunk of the file (byte {int(nodes['offset'][number]):,})")
+        raise _OctreeError(
+            Text(
+                "node {node} is not a chunk of the file (byte {offset:,})",
+                node=node,
+                offset=int(nodes["offset"][number]),
+            )
+        )
     return CopcIndex((x - half, y - half, z - half), 2.0 * half, spacing, nodes["key"].copy(), chunks.astype(np.intp))
 
 
@@ -298,13 +307,15 @@ def _entries(file: BinaryIO, header: LasHeader, root_at: int, root_bytes: int) -
     while waiting:
         at, size = waiting.pop()
         if at in seen:
-            raise _OctreeError(f"the hierarchy page at byte {at:,} refers to itself")
+            raise _OctreeError(Text("the hierarchy page at byte {at:,} refers to itself", at=at))
         seen.add(at)
         if at < header.header_bytes or at + size > header.size_bytes or size < 0 or size % ENTRY.itemsize:
-            raise _OctreeError(f"a hierarchy page at bytes {at:,} to {at + size:,} is outside the file")
+            raise _OctreeError(
+                Text("a hierarchy page at bytes {begin:,} to {end:,} is outside the file", begin=at, end=at + size)
+            )
         left = min(left, header.size_bytes) - size
         if left < 0 or len(seen) > MAX_PAGES:
-            raise _OctreeError("hierarchy pages overlap")
+            raise _OctreeError(Text("hierarchy pages overlap"))
         file.seek(at)
         page = np.frombuffer(file.read(size), ENTRY)
         pages.append(page[page["points"] >= 0])

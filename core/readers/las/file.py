@@ -9,6 +9,7 @@ from furrowmap.core.readers.las.pcd_ply import POINT_SIGNATURES
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.scan import Clock, ClockReading
 
 LAS_CLASSES: Final = {
@@ -26,7 +27,7 @@ class LasCloud(FileReader):
     """A georeferenced point cloud: it can be inspected and used for surfaces; it has no scans."""
 
     format: ClassVar[str] = "las"
-    title: ClassVar[str] = "LAS, LAZ or COPC point cloud"
+    title: ClassVar[Text] = Text("LAS, LAZ or COPC point cloud")
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -87,7 +88,7 @@ class PointFile(FileReader):
     """Points in PCD, PLY or E57: they can be inspected and used like a LAS file; their CRS has to be stated."""
 
     format: ClassVar[str] = "pcd-ply"
-    title: ClassVar[str] = "PCD, PLY or E57 point cloud"
+    title: ClassVar[Text] = Text("PCD, PLY or E57 point cloud")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

@@ -21,6 +21,7 @@ from furrowmap.core.readers.las.header import LasHeader, LasRecord
 from furrowmap.core.readers.las.las_decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.runtime.settings import allows
 
@@ -254,12 +255,25 @@ def _check_layers(file: BinaryIO, laz: LazPoints, first: int, last: int) -> None
         file.seek(begin)
         data = file.read(lengths)
         if size < lengths or len(data) < lengths:
-            raise Undecodable(f"chunk {number + 1} has {min(size, len(data))} bytes, too few for its layers")
+            raise Undecodable(
+                Text(
+                    "chunk {number} has {size} bytes, too few for its layers",
+                    number=number + 1,
+                    size=min(size, len(data)),
+                )
+            )
         counted, *layers = struct.unpack_from(f"<{1 + laz.layers}I", data, laz.record_bytes)
         if counted != points or lengths + sum(layers) != size:
             raise Undecodable(
-                f"chunk {number + 1} states {counted:,} points in {lengths + sum(layers):,} bytes, the chunk table "
-                f"{points:,} in {size:,}"
+                Text(
+                    "chunk {number} states {counted:,} points in {lengths:,} bytes, the chunk table "
+                    "{points:,} in {size:,}",
+                    number=number + 1,
+                    counted=counted,
+                    lengths=lengths + sum(layers),
+                    points=points,
+                    size=size,
+                )
             )
 
 

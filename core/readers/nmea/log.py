@@ -35,6 +35,7 @@ from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import TRUE_NORTH, AttitudeTrack
@@ -66,7 +67,7 @@ class NmeaLog(PositionLog):
     """
 
     format: ClassVar[str] = "nmea"
-    title: ClassVar[str] = "NMEA 0183 log"
+    title: ClassVar[Text] = Text("NMEA 0183 log")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

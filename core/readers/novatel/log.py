@@ -35,6 +35,7 @@ from furrowmap.core.readers.reader import Inspection, recording_name
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.pose_track import PoseTrack
@@ -375,7 +376,7 @@ class NovatelLog(PositionLog):
     """
 
     format: ClassVar[str] = "novatel"
-    title: ClassVar[str] = "NovAtel or Unicore log"
+    title: ClassVar[Text] = Text("NovAtel or Unicore log")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

@@ -31,6 +31,7 @@ from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.iteration import concluded
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
@@ -229,7 +230,7 @@ class OusterReader(FileReader, ABC):
         counts = decoder.counts
         if not counts.packets:
             frames = ", ".join(f"{n:,} {why}" for why, n in others.items() if n)
-            raise InputError("no-packets", paths=path, frames=frames or "no packets at all")
+            raise InputError("no-packets", paths=path, frames=frames or Text("no packets at all"))
         first_s, last_s = (end_s + counts.host_least_s for end_s in (counts.first_s, counts.last_s))
         readings = [ClockReading(Clock.RECORDER, first_s, last_s, f"{counts.host_words}stamps")]
         if self.clock is not Clock.RECORDER:
@@ -248,7 +249,7 @@ class OusterPcap(OusterReader):
     """
 
     format: ClassVar[str] = "ouster-pcap"
-    title: ClassVar[str] = "Ouster packets in a PCAP capture"
+    title: ClassVar[Text] = Text("Ouster packets in a PCAP capture")
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         super().__init__(paths, options)
@@ -319,7 +320,7 @@ def sensors_and_time(
             break
     if not found:
         frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
-        raise InputError("no-packets", paths=path, frames=frames or "no packets at all")
+        raise InputError("no-packets", paths=path, frames=frames or Text("no packets at all"))
     sensors, uncertain = sensors_of(path, found, metadata_beside(path), model)
     sensors = chosen_by_source(sensors, path, source)
     sender, metadata = sensors[0]

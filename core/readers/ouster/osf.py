@@ -27,6 +27,7 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.memory import expect_growth
 
 if sys.version_info >= (3, 14):
@@ -146,7 +147,7 @@ class OusterOsf(OusterReader):
     """
 
     format: ClassVar[str] = "ouster-osf"
-    title: ClassVar[str] = "Ouster scans in an OSF file"
+    title: ClassVar[Text] = Text("Ouster scans in an OSF file")
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         super().__init__(paths, options)
@@ -222,7 +223,7 @@ class OusterOsf(OusterReader):
                 self.notices.append(Notice("osf-damaged", path=path, bad=bad))
 
 
-def _damaged(path: Path, why: str) -> InputError:
+def _damaged(path: Path, why: Words) -> InputError:
     return InputError("osf-unreadable", path=path, why=why, name=path.name)
 
 
@@ -243,13 +244,13 @@ def _header(file: BinaryIO, path: Path) -> tuple[int, int]:
     header = _part(file, 0, _HEADER_MARK)
     begin = file.tell()
     if not header:
-        raise _damaged(path, "its header is damaged")
+        raise _damaged(path, Text("its header is damaged"))
     try:
         root = _FlatTable.root(header)
         end = root.number(2, "Q")
         finished = root.number(1, "B") == 2 and root.number(3, "Q") == path.stat().st_size
     except _OSF_FAULTS:
-        raise _damaged(path, "its header is damaged") from None
+        raise _damaged(path, Text("its header is damaged")) from None
     if not finished or not begin <= end < path.stat().st_size:
         raise _damaged(path, "it was not finished by the recorder, or is cut")
     return begin, end

@@ -15,6 +15,7 @@ from furrowmap.core.readers.poses.pose_file import PoseFile, RawPoses
 from furrowmap.core.readers.reader import Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 
 PROJECTED_COLUMNS: Final = ("e_m", "n_m", "h_m")
 GEOGRAPHIC_COLUMNS: Final = ("lon_deg", "lat_deg", "h_m")
@@ -49,7 +50,7 @@ class PoseCsv(PoseFile):
     """
 
     format: ClassVar[str] = "pose-csv"
-    title: ClassVar[str] = "trajectory in CSV"
+    title: ClassVar[Text] = Text("trajectory in CSV")
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -84,7 +85,7 @@ class PoseCsv(PoseFile):
             if columns[1] == GEOGRAPHIC_COLUMNS[0] and columns[3] == "h_m" != written:
                 self.notices.append(Notice("columns-by-meaning.height", path=path.name, column=written))
         if len(rows) < 2:
-            raise InputError("no-poses", path=path, found=f"{len(rows)} complete rows below the header")
+            raise InputError("no-poses", path=path, found=Text("{rows} complete rows below the header", rows=len(rows)))
         time = columns[0]
         stated = self.options.time
         if stated is not None and stated != ("utc" if time == "time_unix_s" else "gps"):

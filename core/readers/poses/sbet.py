@@ -10,6 +10,7 @@ from furrowmap.core.readers.poses.pose_file import PoseFile, RawPoses
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.memory import expect_rows
 
 SBET_FIELDS: Final = 17
@@ -48,7 +49,7 @@ class Sbet(PoseFile):
     """
 
     format: ClassVar[str] = "sbet"
-    title: ClassVar[str] = "trajectory in SBET"
+    title: ClassVar[Text] = Text("trajectory in SBET")
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -82,7 +83,12 @@ class Sbet(PoseFile):
                 rest = len(block) % RECORD_BYTES
             fault = source.fault
         if count < 2:
-            found = f"{count} complete records of {RECORD_BYTES} bytes, followed by {rest} bytes"
+            found = Text(
+                "{count} complete records of {record_bytes} bytes, followed by {rest} bytes",
+                count=count,
+                record_bytes=RECORD_BYTES,
+                rest=rest,
+            )
             raise InputError("no-poses", path=path, found=found)
         if rest or fault:
             self.notices.append(cut_notice(path, fault or f"after {count} complete records, {rest} bytes of another"))

@@ -30,6 +30,7 @@ from furrowmap.core.readers.source import Source
 from furrowmap.core.readers.sqlite_file import is_plain_table, names_second_file
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.languages.texts import Text, reason
 from furrowmap.core.runtime.memory import expect_disk, expect_growth
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
@@ -156,22 +157,22 @@ class RecordStorage(BagStorage):
                 faults.append(fault)
             elif checksum and zlib.crc32(content) != checksum:
                 content = b""
-                faults.append("its checksum is wrong, so all of it is skipped")
+                faults.append(Text("its checksum is wrong, so all of it is skipped"))
         except Damage as damage:
-            faults.append(str(damage))
+            faults.append(reason(damage))
         except (KeyError, struct.error, UnicodeDecodeError):
-            faults.append("its header is damaged")
+            faults.append(Text("its header is damaged"))
         try:
             yield from self._messages_of(content, topics)
         except Damage as damage:
-            faults.append(str(damage))
+            faults.append(reason(damage))
         if faults:
-            self._note("bag-chunk-damaged", at=at, faults="; ".join(faults))
+            self._note("bag-chunk-damaged", at=at, faults=faults)
 
     def _take(self, size: int) -> bytes:
         """The next `size` bytes; fewer only at the end of the file."""
         if size > MAX_RECORD_BYTES:
-            raise Damage(f"a record of {size} bytes is declared at byte {self._offset}")
+            raise Damage(Text("a record of {size} bytes is declared at byte {offset}", size=size, offset=self._offset))
         blocks = []
         wanted = size
         while wanted > 0 and (block := self._source.read(min(wanted, _READ_BYTES))):
@@ -187,25 +188,34 @@ class RecordStorage(BagStorage):
         if not head and self._source.fault:
             raise Damage(self._source.fault)
         if 0 < len(head) < size:
-            raise Damage("the file ends within the header of a record")
+            raise Damage(Text("the file ends within the header of a record"))
         return head
 
     def _take_whole(self, size: int, *, may_be_cut: bool = False) -> bytes:
         """The next `size` bytes; fewer at the end of the file only where the content `may_be_cut`."""
         data = self._take(size)
         if len(data) < size and not may_be_cut:
-            raise Damage(f"the last record is truncated by {size - len(data)} bytes")
+            raise Damage(Text("the last record is truncated by {missing} bytes", missing=size - len(data)))
         return data
 
-    def _where(self) -> str:
+    def _where(self) -> Text:
         """The current offset, for messages."""
         packed = self._source.compression
-        return f"byte {self._offset}" + (f" (unpacked from {packed})" if packed else f" of {self._source.size_bytes}")
+        return Text(
+            "byte {offset}{packed: (unpacked from {packed})| of {size}}",
+            offset=self._offset,
+            packed=packed,
+            size=self._source.size_bytes,
+        )
 
-    def _lost(self) -> str:
+    def _lost(self) -> Text:
         """What a truncated file has lost."""
         last_ns = self._last_ns
-        return "it has no message" if last_ns is None else f"messages after {iso_utc(last_ns * 1e-9)} are lost"
+        return (
+            Text("it has no message")
+            if last_ns is None
+            else Text("messages after {last_time} are lost", last_time=iso_utc(last_ns * 1e-09))
+        )
 
 
 def ros2_type(name: str) -> str:
@@ -214,20 +224,20 @@ def ros2_type(name: str) -> str:
     return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name
 
 
-def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
+def inflate(data: bytes, method: str, size: int) -> tuple[bytes, Text | None]:
     """A chunk's content, decompressed in steps: content before damage is kept, and decompression bombs are stopped.
 
-    `method` is "", "none", "lz4", "bz2" or "zstd". Up to `size` bytes, and why they are fewer, or "". Damage if the
+    `method` is "", "none", "lz4", "bz2" or "zstd". Up to `size` bytes, and why they are fewer, or None. Damage if the
     compression is unknown or the declared size is implausible.
     """
     if size > MAX_RECORD_BYTES:
-        raise Damage(f"a chunk of {size} bytes is declared")
+        raise Damage(Text("a chunk of {size} bytes is declared", size=size))
     if method in ("", "none"):
-        return data[:size], "" if len(data) >= size else "it is cut"
+        return data[:size], None if len(data) >= size else Text("it is cut")
     decompressor, faults = _decompressor(method)
     out: list[bytes] = []
     wanted = size
-    fault = ""
+    fault = None
     try:
         for start in range(0, len(data), _READ_BYTES):
             if decompressor.eof or wanted <= 0:
@@ -235,9 +245,9 @@ def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
             out.append(decompressor.decompress(data[start : start + _READ_BYTES], wanted))
             wanted -= len(out[-1])
     except faults as error:
-        fault = f"its {method} data are damaged ({error})"
+        fault = Text("its {method} data are damaged ({why})", method=method, why=error)
     if wanted and not fault:
-        fault = f"it has {size - wanted} bytes instead of the declared {size}"
+        fault = Text("it has {found} bytes instead of the declared {declared}", found=size - wanted, declared=size)
     return b"".join(out), fault
 
 
@@ -298,7 +308,7 @@ class Rosbag1Storage(RecordStorage):
             header = self._take_whole(_U32.unpack(head)[0])
             size = self._take(4)
             if len(size) < 4:
-                raise Damage("the file ends within the header of a record")
+                raise Damage(Text("the file ends within the header of a record"))
             fields = _fields(header)
             op = fields.get(b"op")
             data = self._take_whole(_U32.unpack(size)[0], may_be_cut=op == _CHUNK)
@@ -331,9 +341,9 @@ class Rosbag1Storage(RecordStorage):
                 begin = at + 4 + _U32.unpack_from(content, at)[0] + 4
                 end = begin + _U32.unpack_from(content, begin - 4)[0]
             except struct.error:
-                raise Damage("it ends within the header of a record") from None
+                raise Damage(Text("it ends within the header of a record")) from None
             if end > len(content):
-                raise Damage(f"its last record is truncated by {end - len(content)} bytes")
+                raise Damage(Text("its last record is truncated by {missing} bytes", missing=end - len(content)))
             message = self._message(_fields(content[at + 4 : begin - 4]), content[begin:end], topics)
             if message is not None:
                 yield message
@@ -366,7 +376,7 @@ def _fields(header: bytes) -> _Fields:
         end = position + 4 + int.from_bytes(header[position : position + 4], "little")
         name, equals, value = header[position + 4 : end].partition(b"=")
         if end > len(header) or not equals:
-            raise Damage("the header of a record is damaged")
+            raise Damage(Text("the header of a record is damaged"))
         fields[name] = value
         position = end
     return fields
@@ -402,7 +412,7 @@ class McapStorage(RecordStorage):
         while head := self._take_head(_RECORD.size):
             op, size = _RECORD.unpack(head)
             if op not in _KNOWN and op not in _PRIVATE:
-                raise Damage(f"unknown record type {op}")
+                raise Damage(Text("unknown record type {kind}", kind=op))
             content = self._take_whole(size, may_be_cut=op == _MCAP_CHUNK)
             if op == _MCAP_FOOTER:
                 return
@@ -427,7 +437,7 @@ class McapStorage(RecordStorage):
             op, size = _RECORD.unpack_from(content, at) if begin <= len(content) else (0, 0)
             at = begin + size
             if at > len(content):
-                raise Damage("its last record is truncated")
+                raise Damage(Text("its last record is truncated"))
             if (message := self._message(op, content[begin:at], topics)) is not None:
                 yield message
 

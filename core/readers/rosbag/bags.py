@@ -52,6 +52,7 @@ from furrowmap.core.runtime.arrays import scratch_file
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.iteration import close, concluded
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.runtime.write_errors import writing_scratch
@@ -144,15 +145,20 @@ def camera_of_info(content: Any, topic: str) -> Camera:
     """
     k, d, p = (np.asarray(getattr(content, n, getattr(content, n.upper(), None)), np.float64).ravel() for n in "kdp")
     if max(content.binning_x, content.binning_y) > 1 or content.roi.x_offset or content.roi.y_offset:
-        raise ValueError("it states binning or a region of interest")
+        raise ValueError(Text("it states binning or a region of interest"))
     if "rect" in _COMPRESSED_TOPIC.sub("", topic).rpartition("/")[2]:
         k = p[[0, 1, 2, 4, 5, 6, 8, 9, 10]]
         d = np.zeros(0)
     if not (np.isfinite(k).all() and k[0] > 0.0 and k[4] > 0.0):
-        raise ValueError("its matrix K is 0: the camera is not calibrated")
+        raise ValueError(Text("its matrix K is 0: the camera is not calibrated"))
     known = content.distortion_model in ("plumb_bob", "rational_polynomial", "")
     if d.any() and (not known or np.any(d[5:]) or len(d) < 4):
-        raise ValueError(f"its distortion model {content.distortion_model[:30]!r} is none with k1, k2, p1, p2 and k3")
+        raise ValueError(
+            Text(
+                "its distortion model {model!r} is none with k1, k2, p1, p2 and k3",
+                model=content.distortion_model[:30],
+            )
+        )
     k1, k2, p1, p2, k3 = (float(value) for value in np.pad(d, (0, 5))[:5])
     fx, fy, cx, cy = (float(k[at]) for at in (0, 4, 2, 5))
     return Camera(int(content.width), int(content.height), fx, fy, cx, cy, k1, k2, k3, p1, p2)
@@ -489,13 +495,13 @@ class _RosBag(FileReader):
         # Beside the images (image_transport), else the only one.
         beside = f"{_COMPRESSED_TOPIC.sub('', chosen.name).rpartition('/')[0]}/camera_info"
         name = beside if beside in infos else infos[0] if len(infos) == 1 else None
-        why = "no CameraInfo messages"
+        why = Text("no CameraInfo messages")
         if name is not None:
             info = self._choose("the camera's intrinsics", ros.CAMERA_INFO, wanted=name)
             try:
                 return next(self._read(info, lambda content, _: camera_of_info(content, chosen.name)))
             except ValueError as error:
-                why = f"{name} does not serve, because {error}"
+                why = Text("{name} does not serve, because {why}", name=name, why=error)
         raise InputError("no-intrinsics", chosen=self._source(chosen), why=why)
 
     def inspect(self) -> Inspection:
@@ -682,7 +688,7 @@ class _RosBag(FileReader):
         taken = 0
         damaged = 0
         unpacked = 0
-        first = ""
+        first: Words = ""
         lacking: Counter[str] = Counter()
 
         def decoded() -> Iterator[T]:
@@ -698,7 +704,11 @@ class _RosBag(FileReader):
                     result = take(ros.deserialize(message._replace(data=content)), message)
                 except Damage as damage:
                     damaged += 1
-                    first = first or f"{damage}, received {iso_utc(message.received_ns * 1e-9)}"
+                    first = first or Text(
+                        "{damage}, received {time}",
+                        damage=reason(damage),
+                        time=iso_utc(message.received_ns * 1e-09),
+                    )
                 except ros.NotMeasured as statement:
                     lacking[str(statement)] += 1
                 else:
@@ -786,7 +796,7 @@ class RosBag1(_RosBag):
     """A ROS 1 bag (.bag), with or without an index, complete or truncated."""
 
     format: ClassVar[str] = "rosbag1"
-    title: ClassVar[str] = "ROS 1 bag"
+    title: ClassVar[Text] = Text("ROS 1 bag")
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -798,7 +808,7 @@ class RosBag2(_RosBag):
     """A ROS 2 bag: its folder, or one of its files (.db3, .mcap)."""
 
     format: ClassVar[str] = "rosbag2"
-    title: ClassVar[str] = "ROS 2 bag (folder, .db3 or .mcap)"
+    title: ClassVar[Text] = Text("ROS 2 bag (folder, .db3 or .mcap)")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

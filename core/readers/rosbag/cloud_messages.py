@@ -16,6 +16,7 @@ from furrowmap.core.readers.rosbag.bag_storage import BagMessage, Damage
 from furrowmap.core.readers.rosbag.ros_messages import stamp_s
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import DAY_S
 from furrowmap.core.values.scan import MAX_LASERS, Clock, Scan, counts_from_top, has_rings
 
@@ -49,9 +50,16 @@ class LineScans:
         step = float(content.angle_increment)
         each_s = float(content.time_increment)
         if not np.isfinite((first, step, each_s)).all() or abs(step) * n > 4.0 * np.pi or n > np.iinfo(np.uint16).max:
-            raise Damage(f"{n} ranges from an angle of {first:g} rad in steps of {step:g} rad are no sweep")
+            raise Damage(
+                Text(
+                    "{ranges} ranges from an angle of {first_rad:g} rad in steps of {step_rad:g} rad are no sweep",
+                    ranges=n,
+                    first_rad=first,
+                    step_rad=step,
+                )
+            )
         if not 0.0 <= each_s * n <= MAX_SWEEP_S:
-            raise Damage(f"its time increment of {each_s:g} s is not that of a sweep")
+            raise Damage(Text("its time increment of {each_s:g} s is not that of a sweep", each_s=each_s))
         at_s = stamp_s(content, message)
         if at_s <= self._last_s:
             self._late += 1
@@ -311,7 +319,13 @@ def _points(content: Any) -> NDArray[Any]:
         field = next((there[spelling] for spelling in spellings if spelling in there), None)
         if field is None or int(field.datatype) not in _DATATYPES:
             if name in "xyz":
-                raise Damage(f"the cloud has no field {name!r} (fields: {', '.join(there) or 'none'})")
+                raise Damage(
+                    Text(
+                        "the cloud has no field {name!r} (fields: {fields})",
+                        name=name,
+                        fields=", ".join(there) or "none",
+                    )
+                )
             continue
         names.append(name)
         formats.append(byte_order + _DATATYPES[int(field.datatype)])

@@ -31,6 +31,7 @@ from furrowmap.core.readers.rosbag.bag_storage import BagMessage, Damage, decomp
 from furrowmap.core.readers.velodyne.captures import PACKET_BYTES
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import InertialTrack, StatedUnits
@@ -136,7 +137,7 @@ class ImuLog(_RowLog):
         force = content.linear_acceleration
         values = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
         if not np.isfinite(values).all():
-            raise Damage("its angular velocity or linear acceleration is not a number")
+            raise Damage(Text("its angular velocity or linear acceleration is not a number"))
         self._rows.extend((stamp_s(content, message), *values, *_orientation(content), message.received_ns * 1e-9))
         self.frame_id = self.frame_id or str(content.header.frame_id)
 
@@ -257,7 +258,7 @@ def deserialize(message: BagMessage) -> Any:
     Damage if it is none of this type.
     """
     if message.encoding not in ("ros1", "cdr"):
-        raise Damage(f"unsupported encoding {message.encoding!r}")
+        raise Damage(Text("unsupported encoding {encoding!r}", encoding=message.encoding))
     if message.type in LIVOX_CLOUDS:
         return livox_cloud(decompress_message(message.data), message.encoding)
     store = _typestore(message.encoding)
@@ -305,7 +306,9 @@ class FixLog(_RowLog):
         lon = float(content.longitude)
         height = float(content.altitude)
         if abs(lat) > 90.0 or abs(lon) > 360.0:
-            raise Damage(f"latitude {lat:g} or longitude {lon:g} is out of range")
+            raise Damage(
+                Text("latitude {lat_deg:g} or longitude {lon_deg:g} is out of range", lat_deg=lat, lon_deg=lon)
+            )
         lon = float(signed_deg(np.array([lon]))[0])
         sigma = np.full(3, np.nan)
         if hasattr(content, "health"):

@@ -22,6 +22,7 @@ from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.memory import expect_rows
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import geodetic, variances_enu
@@ -185,7 +186,7 @@ class RtklibPos(PositionLog):
     """
 
     format: ClassVar[str] = "rtklib-pos"
-    title: ClassVar[str] = "RTKLIB solution (.pos)"
+    title: ClassVar[Text] = Text("RTKLIB solution (.pos)")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

@@ -10,6 +10,7 @@ from furrowmap.core.readers.framed_messages import CRC, Framing, MessageCounts, 
 from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, dated_positions, has_position
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import east_north_up, geodetic, variances_enu
 from furrowmap.core.values.gnss import Fix
@@ -92,7 +93,7 @@ class SbfLog(ReceiverLog):
     """
 
     format: ClassVar[str] = "sbf"
-    title: ClassVar[str] = "Septentrio SBF log"
+    title: ClassVar[Text] = Text("Septentrio SBF log")
     frames_title: ClassVar[str] = "blocks"
     framing: ClassVar[Framing] = SBF
     layouts: ClassVar[Mapping[int, np.dtype[np.void]]] = SBF_LAYOUTS
@@ -150,7 +151,7 @@ class SbfLog(ReceiverLog):
             pvt.at,
             place,
             name=name,
-            what="position blocks",
+            what=Text("position blocks"),
             facts=facts,
             service="sbas" if 2 * np.sum((mode & 15) == 6) > len(mode) else "",
             notices=[Notice("positions-2d", name=name, flat=flat)] if flat else [],

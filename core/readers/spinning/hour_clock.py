@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc, nearest_in_cycle
 from furrowmap.core.values.scan import Clock
 
@@ -212,15 +213,21 @@ def settle(
     return SensorClock(Clock.RECORDER, home_s, 0.0), [notice]
 
 
-def _no_receiver(positions: list[PositionPacket]) -> str:
+def _no_receiver(positions: list[PositionPacket]) -> Text:
     """Why it is uncertain whether a receiver sets the sensor's clock."""
     if not positions:
-        return "There are no position packets"
+        return Text("There are no position packets")
     if all(np.isnan(p.sentence_s) for p in positions):
-        return f"The position packets have no GPRMC sentence (PPS {pps_states(p.pps for p in positions)})"
+        return Text(
+            "The position packets have no GPRMC sentence (PPS {pps})",
+            pps=pps_states(p.pps for p in positions),
+        )
     if not any(p.valid for p in positions):
-        return f"The receiver marks all its GPRMC sentences as void (PPS {pps_states(p.pps for p in positions)})"
-    return "The sensor's stamps do not match the GPRMC sentences in its position packets"
+        return Text(
+            "The receiver marks all its GPRMC sentences as void (PPS {pps})",
+            pps=pps_states(p.pps for p in positions),
+        )
+    return Text("The sensor's stamps do not match the GPRMC sentences in its position packets")
 
 
 def pps_states(states: Iterable[int]) -> str:

@@ -26,6 +26,7 @@ from furrowmap.core.readers.spinning.scanner_model import AngleTable, Maker
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.iteration import concluded
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, ClockReading, Scan
 
@@ -330,7 +331,7 @@ def survey(
         frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
         if positions:
             frames = f"{len(positions):,} position packets" + (f", {frames}" if frames else "")
-        raise InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")
+        raise InputError("no-packets", paths=paths[0], frames=frames or Text("no packets at all"))
     all_senders = np.concatenate(senders)
     several = _senders(paths, all_senders, wanted)
     sender = several[0]

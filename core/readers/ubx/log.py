@@ -12,6 +12,7 @@ from furrowmap.core.readers.framed_messages import FLETCHER, Framing, MessageCou
 from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s, nearest_in_cycle, utc_to_gps_s
 from furrowmap.core.values.gnss import Fix
 
@@ -118,7 +119,7 @@ class UbxLog(ReceiverLog):
     """
 
     format: ClassVar[str] = "ubx"
-    title: ClassVar[str] = "u-blox UBX log"
+    title: ClassVar[Text] = Text("u-blox UBX log")
     frames_title: ClassVar[str] = "messages"
     framing: ClassVar[Framing] = UBX
     layouts: ClassVar[Mapping[int, np.dtype[np.void]]] = UBX_LAYOUTS

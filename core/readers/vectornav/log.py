@@ -36,6 +36,7 @@ from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.inertial import InertialTrack, StatedUnits
 from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
@@ -307,7 +308,7 @@ class VectorNavBinary(_VectorNav):
     """Binary output messages with GPS time (TimeGps, or GpsTow and GpsWeek), angular rate and specific force."""
 
     format: ClassVar[str] = "vectornav-binary"
-    title: ClassVar[str] = "VectorNav binary messages"
+    title: ClassVar[Text] = Text("VectorNav binary messages")
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -344,7 +345,7 @@ class VectorNavAscii(_VectorNav):
     """
 
     format: ClassVar[str] = "vectornav-ascii"
-    title: ClassVar[str] = "VectorNav ASCII sentences"
+    title: ClassVar[Text] = Text("VectorNav ASCII sentences")
 
     @classmethod
     def recognise(cls, head: Head) -> float:

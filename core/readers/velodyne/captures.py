@@ -15,6 +15,7 @@ from furrowmap.core.readers.source import Head
 from furrowmap.core.readers.spinning.scanner_model import Maker, Model, PacketLayout
 from furrowmap.core.readers.spinning.spinning_captures import SpinningPcap
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.languages.texts import Text
 
 PACKET_BYTES: Final = 1206
 """Length of a data packet's payload: 12 blocks of 100 bytes, the stamp, and two factory bytes."""
@@ -108,7 +109,7 @@ class VelodynePcap(SpinningPcap):
     """Scans in captures of a VLP-16, Puck LITE, Puck Hi-Res, VLP-32C, HDL-32E or VLS-128."""
 
     format: ClassVar[str] = "velodyne-pcap"
-    title: ClassVar[str] = "Velodyne packets in a PCAP capture"
+    title: ClassVar[Text] = Text("Velodyne packets in a PCAP capture")
     maker: ClassVar[Maker] = VELODYNE
 
     @classmethod

@@ -21,6 +21,7 @@ from furrowmap.core.runtime.languages.messages import expansions, templates
 from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES
 
 HOLE: Final = "…"
+BETWEEN_BRACES: Final = re.compile(r"\{[^}]*\}")
 NAMED: Final = re.compile(r"\{[a-z_]")
 SPECIFIC: Final = 8
 """Letters that a template needs to be looked for in any text; others are looked for in texts of their own code."""
@@ -115,6 +116,8 @@ def catalogue(language: str) -> Catalogue:
         if name != f"{language}_messages.toml":
             for code, table in tomllib.loads(folder.joinpath(name).read_text("utf-8")).items():
                 for source, target in table.items():
+                    if not any(map(str.isalpha, BETWEEN_BRACES.sub("", source))):
+                        continue  # what stands between the items of a list
                     tables.setdefault(code, {}).update(_backwards(source, target))
     if language != ENGLISH:
         for key, parts in templates(ENGLISH).items():

@@ -70,14 +70,14 @@ def shown_values(
     found: dict[str, str | bool | None] = {}
     for name, value in values:
         hole = wanted[name]
-        if isinstance(value, tuple) and isinstance(hole, Hole):
-            found[name] = joined(value, hole.spec, language)
+        if isinstance(hole, Hole) and (isinstance(value, tuple) or (hole.spec in LIST_STYLES and hole.spec)):
+            found[name] = joined(value if isinstance(value, tuple) else (value,), hole.spec, language)
         else:
             found[name] = shown(in_language(value, language), hole)
     return found
 
 
-def joined(items: Sequence[str | int | float | Text], style: str, language: str) -> str:
+def joined(items: Sequence[Value], style: str, language: str) -> str:
     """A list in a language, with the separators of a style; empty for none."""
     between, last = (texts_of(language).get(mark, mark) for mark in LIST_STYLES[style])
     said = [str(in_language(item, language)) for item in items]
@@ -87,6 +87,12 @@ def joined(items: Sequence[str | int | float | Text], style: str, language: str)
 def in_language(value: Value, language: str) -> object:
     """A value, with a text of the product in a language."""
     return value.in_language(language) if isinstance(value, Text) else value
+
+
+def reason(error: Exception) -> Words:
+    """What an exception was raised with, in words; a text of the product stays one."""
+    said = error.args[0] if len(error.args) == 1 else None
+    return said if isinstance(said, Text) else str(error)
 
 
 def plain_value(value: Any) -> Value:

@@ -181,7 +181,7 @@ def test_cloud__noise_and_edges_and_empty_places_are_told(tmp_path: Path) -> Non
     assert found.accuracy.vertical is not None
     assert found.accuracy.vertical.n == 34
     assert found.accuracy.vertical.greatest_m < 1e-3
-    assert ["returns within" in found.points[0].why_not, "edge" in found.points[1].why_not] == [True, True]
+    assert ["returns within" in str(found.points[0].why_not), "edge" in str(found.points[1].why_not)] == [True, True]
     assert {notice.code for notice in found.notices} >= {"check-unused", "check-survey-unknown"}
 
 

@@ -51,7 +51,7 @@ def test_japan__near_a_border_the_right_zone_is_at_least_named(
 ) -> None:
     choice = choose_crs(lon_deg, lat_deg)
     assert choice is not None
-    assert any(f"EPSG:{6668 + zone}" in text for text in (choice.code, *choice.alternatives))
+    assert any(f"EPSG:{6668 + zone}" in str(text) for text in (choice.code, *choice.alternatives))
 
 
 # Places and the CRS of the official maps there, as the mapping agencies state them: Kartverket "EUREF89 UTM", SDFI
@@ -120,14 +120,14 @@ def test_country_with_an_older_datum__utm_and_its_map_for_the_products(
     choice = choose_crs(lon_deg, lat_deg)
     assert choice is not None
     assert choice.code == f"EPSG:{code}"
-    assert choice.alternatives[-1].startswith(f"EPSG:{older} ")
+    assert str(choice.alternatives[-1]).startswith(f"EPSG:{older} ")
 
 
 def test_denmark__no_variants_of_the_zone_for_germany() -> None:
     choice = choose_crs(11.39, 55.33)
     assert choice is not None
     assert (choice.name, choice.alternatives) == ("ETRS89 / UTM zone 32N", ())
-    assert choice.reason == "55.3300°N 11.3900°E lies in Denmark, whose maps use it"
+    assert str(choice.reason) == "55.3300°N 11.3900°E lies in Denmark, whose maps use it"
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_anywhere__a_metric_crs_that_distorts_by_less_than_a_thousandth(lon_deg:
 def test_neighbouring_zone__is_named_within_half_a_degree_of_its_border(lon_deg: float, codes: list[str]) -> None:
     choice = choose_crs(lon_deg, 20.0)  # the Sahara and the Pacific
     assert choice is not None
-    named = [choice.code, *(text.split(",")[0] for text in choice.alternatives)]
+    named = [choice.code, *(str(text).split(",")[0] for text in choice.alternatives)]
     assert named == codes
 
 
@@ -207,7 +207,7 @@ def test_neighbouring_zone__is_named_within_half_a_degree_of_its_border(lon_deg:
 def test_reason__names_the_place(lon_deg: float, lat_deg: float, place: str) -> None:
     choice = choose_crs(lon_deg, lat_deg)
     assert choice is not None
-    assert choice.reason.startswith(f"{place} lies in")
+    assert str(choice.reason).startswith(f"{place} lies in")
 
 
 @pytest.mark.parametrize(("outside_deg", "named"), [(0.08, True), (0.12, False)])
@@ -217,4 +217,4 @@ def test_zone_of_japan__is_an_alternative_within_a_tenth_of_a_degree(outside_deg
     assert area is not None
     choice = choose_crs(area.west - outside_deg, 36.5)
     assert choice is not None
-    assert any("EPSG:6677" in text for text in choice.alternatives) == named
+    assert any("EPSG:6677" in str(text) for text in choice.alternatives) == named

@@ -151,7 +151,7 @@ def test_wrong_focal_length_or_sign__is_a_contradiction(changed: dict[str, Any],
     _, adjusted = adjusted_with(replace(STATED, **changed))
     doubt = doubtful(adjusted)
     assert doubt is not None
-    assert why in doubt
+    assert why in str(doubt)
     notice = contradicting(doubt)
     assert notice.code == "images-contradict"
     assert "neither for the trajectory nor for colours" in notice.text

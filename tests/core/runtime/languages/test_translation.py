@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.languages.catalogue import HOLE, Template, catalogue, translated
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.settings import LANGUAGE_VARIABLE, language_of_user, using
 from furrowmap.core.session.session_file import parse_session
 
@@ -83,9 +84,11 @@ def test_error__has_its_reason_in_japanese(error: InputError, said: str) -> None
 
 
 def test_reasons__in_a_list_with_commas_within() -> None:
-    reasons = "P1 has 5 returns within 0.25 m, too few on all sides; P2 lies on an edge or a steep slope"
+    few = Text("has {returns} returns within {radius_m:g} m{returns:, too few on all sides|}", returns=5, radius_m=0.25)
+    steep = Text("lies on an edge or a steep slope")
+    reasons = [Text("{name} {why_not}", name=f"P{k}", why_not=why) for k, why in ((1, few), (2, steep))]
     said = Notice("check-unused", unused=2, checks=9, reasons=reasons, more=False).text_in("ja")
-    assert "P1 の周囲 0.25 m 以内の反射は 5 点で、四方に足りません；P2 は縁または急斜面にあります" in said
+    assert "P1 は周囲 0.25 m 以内の反射が 5 点で、四方に足りません；P2 は縁または急斜面にあります" in said
 
 
 def test_code__between_backticks_stays_as_it_is() -> None:
