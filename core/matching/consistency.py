@@ -220,7 +220,7 @@ _LIKELY: Final = {
 }
 
 
-_DIRECTIONS: Final = (Text("forward"), Text("left"), Text("up"))
+_SWAY_DIRECTIONS: Final = (Text("forward"), Text("left"), Text("up"))
 
 
 def contradiction_notice(seen: Seen) -> Notice | None:
@@ -299,7 +299,7 @@ def _sway_in_words(sway: AntennaSway) -> Text:
         )
     off = tuple(
         Text("further {where} by {far} (95 %)", where=where, far=with_margin(value, sigma, " m", sign=True))
-        for value, sigma, where in zip(sway.lever_m, sway.sigma_m, _DIRECTIONS, strict=True)
+        for value, sigma, where in zip(sway.lever_m, sway.sigma_m, _SWAY_DIRECTIONS, strict=True)
         if abs(value) > LEVER_CERTAIN_SIGMAS * sigma
     )
     return Text("the antenna sways with the vehicle's roll and pitch as one that is {off}", off=off)
