@@ -12,8 +12,8 @@ import click
 from furrowmap.cli.command_options import command, group, option, output
 from furrowmap.cli.console import Console
 from furrowmap.core.runtime.errors import UsageError, printable
-from furrowmap.core.runtime.languages.messages import ERROR_PARTS, expansions, templates
-from furrowmap.core.runtime.languages.texts import ENGLISH
+from furrowmap.core.runtime.languages.messages import ERROR_PARTS, expansions
+from furrowmap.core.runtime.languages.texts import ENGLISH, templates
 from furrowmap.core.runtime.settings import language_of_user
 
 

@@ -17,7 +17,7 @@ from furrowmap.cli.command_options import CommandGroup
 from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, drop_interrupt
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
-from furrowmap.core.runtime.languages.texts import LANGUAGES
+from furrowmap.core.runtime.languages.texts import LANGUAGES, Text, Words
 from furrowmap.core.runtime.settings import using
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
 from furrowmap.process import keep_out_current_folder
@@ -175,7 +175,18 @@ def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:
     command = [word for word in arguments[:1] if word in COMMANDS]  # click does not always set the context
     path = raised.ctx.command_path if raised.ctx else " ".join(["furrowmap", *command])
     near = getattr(raised, "possibilities", None)
-    message = raised.message if near else raised.format_message()
     return UsageError(
-        "usage.parser-message", path=path, message=message.rstrip("."), near_list=" or ".join(near) if near else None
+        "usage.parser-message", path=path, message=_in_words(raised), near_list=" or ".join(near) if near else None
     )
+
+
+def _in_words(raised: click.UsageError) -> Words:
+    """What the parser refuses; what it says of values stays in its own words."""
+    if isinstance(raised, click.NoSuchOption):
+        return Text("No such option {name!r}", name=raised.option_name)
+    if isinstance(raised, click.MissingParameter) and raised.param is not None:
+        return Text("Missing {name}", name=raised.param.get_error_hint(raised.ctx))
+    if isinstance(raised, click.BadParameter) and raised.param is not None:
+        hint = raised.param.get_error_hint(raised.ctx)
+        return Text("Invalid value for {name}: {why}", name=hint, why=raised.message.rstrip("."))
+    return raised.format_message().rstrip(".")

@@ -74,7 +74,7 @@ def inspect(console: Console, files: tuple[Path, ...]) -> None:
                 answers.append(_inspection_value(recording.inspection))
     matches = list(furrowmap.time_matches(examined))
     parts = [_inspection_words(recording.inspection) for recording in examined]
-    parts += ["\n".join(printable(match.text) for match in matches)] if matches else []
+    parts += ["\n".join(printable(match.text.in_language(language_of_user())) for match in matches)] if matches else []
     console.answer({"files": answers, "time_matches": matches}, "\n\n".join(parts))
     if refused:
         click.get_current_context().exit(InputError.exit_status)
@@ -115,7 +115,8 @@ def _inspection_words(inspection: Inspection) -> str:
         for reading in inspection.clocks
     ]
     rows += [("notice", printable(notice.text)) for notice in inspection.notices]
-    return f"{printable(str(inspection.path))}: {printable(inspection.title.in_language(language_of_user()))}\n{table(rows)}"
+    title = inspection.title.in_language(language_of_user())
+    return f"{printable(str(inspection.path))}: {printable(title)}\n{table(rows)}"
 
 
 @group(

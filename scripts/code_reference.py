@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.runtime.languages.messages import templates
+from furrowmap.core.runtime.languages.texts import templates
 
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "reference" / "codes.md"
 HEAD: Final = """\

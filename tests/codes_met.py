@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from furrowmap.core.runtime.errors import FurrowmapError, Notice
-from furrowmap.core.runtime.languages.messages import templates
+from furrowmap.core.runtime.languages.texts import templates
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 FOLDER = "FURROWMAP_TEST_CODES"

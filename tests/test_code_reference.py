@@ -12,13 +12,15 @@ import pytest
 
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import FILE_KINDS
-from furrowmap.core.runtime.languages.messages import holes, templates
+from furrowmap.core.runtime.languages.messages import holes
 from furrowmap.core.runtime.languages.templates import parts_of, walk
-from furrowmap.core.runtime.languages.texts import LANGUAGES, texts_of
+from furrowmap.core.runtime.languages.texts import LANGUAGES, templates, texts_of
 from tests.codes_met import MET, listed, named
 from tests.core.readers.las.test_hostile import ERRORS, NOTICES
 
 CHECKOUT = Path(__file__).resolve().parents[1]
+TABLES_OF_TEXTS = {"core/runtime/file_signatures.py", "core/runtime/errors.py"}
+"""Files that make texts of a table, which has a test of its own: kinds of files, parts of messages."""
 MAKERS = {"FurrowmapError", "UsageError", "InputError", "RefusedError", "Notice"}
 PARTS = ("app", "core", "exporters", "cli")
 
@@ -49,8 +51,8 @@ def test_texts__are_in_every_language_with_their_values() -> None:
             if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Text":
                 given = {keyword.arg for keyword in call.keywords}
                 chosen = call.args[0]
-                if name == "core/runtime/file_signatures.py" and isinstance(chosen, ast.Name):
-                    continue  # of a table, below
+                if name in TABLES_OF_TEXTS:
+                    continue
                 for template in [chosen.body, chosen.orelse] if isinstance(chosen, ast.IfExp) else [chosen]:
                     assert isinstance(template, ast.Constant), (name, call.lineno)
                     english = str(template.value)

@@ -85,7 +85,7 @@ def _with_date(error: InputError) -> InputError:
     """The error with the remedy of this command, which has an option where a session has a key."""
     if error.code != "no-date":
         return error
-    return InputError("no-date.receiver", what=error.what, meaning=error.meaning)
+    return InputError("no-date.receiver", what=error.words("what"), meaning=error.words("meaning"))
 
 
 def _track(paths: Sequence[Path], options: ReadOptions) -> tuple[GnssTrack, list[Notice]]:

@@ -294,7 +294,21 @@ def _attributes(row: Mapping[str, Any], column: str | None) -> dict[str, Attribu
     }
 
 
-def list_names(names: Sequence[str], what: str) -> str:
+COUNTED: Final = {
+    "parcel": (Text("parcel"), Text("parcels")),
+    "treatment": (Text("treatment"), Text("treatments")),
+    "polygon": (Text("polygon"), Text("polygons")),
+    "identifier": (Text("identifier"), Text("identifiers")),
+}
+"""What :func:`list_names` counts: one, and several."""
+
+
+def list_names(names: Sequence[str], what: str) -> Text:
     """Such as "2 parcels (3, 17)"."""
-    shown = ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
-    return f"{len(names)} {what}{'s' if len(names) > 1 else ''} ({shown})"
+    return Text(
+        "{count} {what} ({names}{more:, …|})",
+        count=len(names),
+        what=COUNTED[what][len(names) > 1],
+        names=tuple(names[:5]),
+        more=len(names) > 5,
+    )

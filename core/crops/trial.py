@@ -102,7 +102,7 @@ def analyse_trial(parcels: Sequence[Parcel], value: FloatArray, plan: TrialPlan)
         variance = _variance(value, known, labels, dose, factors, block, {plan.covariate or "": covariate})
         differs = _differences(parcels, value, known, name, dose, factors, sites, block) if dose is not None else {}
     except InputError as error:
-        notices.append(Notice("variance-missing", what=error.what, remedy=error.remedy))
+        notices.append(Notice("variance-missing", what=error.words("what"), remedy=error.words("remedy")))
         variance = None
         differs = {}
     response = None

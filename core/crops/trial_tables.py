@@ -204,7 +204,9 @@ def _day(text: str, line: int, unreadable: Callable[[Words], InputError]) -> dt.
     try:
         return dt.date.fromisoformat(text.strip()[:10])
     except ValueError:
-        raise unreadable(f"line {line}: {text.strip()[:40]!r} is no date such as 2017-03-16") from None
+        raise unreadable(
+            Text("line {line}: {text!r} is no date such as 2017-03-16", line=line, text=text.strip()[:40])
+        ) from None
 
 
 def _label(text: str) -> str:

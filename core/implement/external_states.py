@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.reader import GivesStates, ReadOptions, open_recording
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, ClockReading, likely_offset
 from furrowmap.core.values.session import Implement
@@ -49,9 +50,13 @@ class StateComparison:
         if not len(long) and self.share >= MIN_AGREEING_SHARE:
             return []
         longest = sorted(long[np.argsort(-length_s[long], kind="stable")][:MAX_LISTED].tolist())
-        places = "; ".join(
-            f"{iso_utc(float(self.differing_s[k, 0]))} for {length_s[k]:.1f} s (seen "
-            f"{'down' if self.seen_down[k] else 'up'})"
+        places = tuple(
+            Text(
+                "{time} for {length_s:.1f} s (seen {down:down|up})",
+                time=iso_utc(float(self.differing_s[k, 0])),
+                length_s=length_s[k],
+                down=bool(self.seen_down[k]),
+            )
             for k in longest
         )
         return [

@@ -16,7 +16,7 @@ import shapely
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.languages.texts import Words
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.plain_reads import open_plain, read_plain_text
 
 ORIGIN_FILE: Final = "Field.txt"
@@ -100,13 +100,13 @@ def read_elevations(path: Path, unreadable: Callable[[Words], InputError]) -> El
         except ValueError:
             if k == len(lines) - 1:
                 break
-            raise unreadable(f"{path.name} is damaged at {line[:40]!r}") from None
+            raise unreadable(Text("{name} is damaged at {text!r}", name=path.name, text=line[:40])) from None
         rows.append((lon_deg, lat_deg, height_m, fix))
     if not rows:
-        raise unreadable(f"{path.name} has no heights: AgOpenGPS writes them if they are switched on")
+        raise unreadable(Text("{name} has no heights: AgOpenGPS writes them if they are switched on", name=path.name))
     found = np.array(rows)
     if not (np.isfinite(found).all() and (np.abs(found[:, 1]) <= 90.0).all() and (np.abs(found[:, 0]) <= 180.0).all()):
-        raise unreadable(f"{path.name} has places that are none")
+        raise unreadable(Text("{name} has impossible positions", name=path.name))
     return Elevations(found[:, :3], int((found[:, 3] == _FIXED).sum()))
 
 
@@ -130,7 +130,7 @@ def _lon_lat(en_m: FloatArray, origin: tuple[float, float]) -> FloatArray:
 def _lines(path: Path, unreadable: Callable[[Words], InputError]) -> list[str]:
     try:
         if path.stat().st_size > _MAX_FIELD_BYTES:
-            raise unreadable(f"{path.name} is larger than a field's")
+            raise unreadable(Text("{name} is larger than a field's", name=path.name))
         return [line.strip() for line in read_plain_text(path, "utf-8-sig", "replace").splitlines() if line.strip()]
     except OSError as error:
         raise unreadable(f"{path.name}: {error.strerror}") from None

@@ -101,7 +101,13 @@ def _outlines(polygons: Polygons, unreadable: Unreadable) -> tuple[list[BaseGeom
                 )
             )
         if max(north - south, (east - west) * np.cos(np.radians(max(-south, north)))) > MAX_FIELD_DEG:
-            raise unreadable(f"it is {north - south:.3g}° high and {east - west:.3g}° wide, which no field is")
+            raise unreadable(
+                Text(
+                    "it is {high_deg:.3g}° high and {wide_deg:.3g}° wide, which no field is",
+                    high_deg=north - south,
+                    wide_deg=east - west,
+                )
+            )
         outlines.append(outline)
     return outlines, base
 

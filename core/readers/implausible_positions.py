@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.earth import earth_centred_m
 from furrowmap.core.values.gnss import GnssTrack
@@ -136,14 +137,21 @@ def drop_implausible_positions(
     return track[~bad], ~bad, [Notice("positions-elsewhere", **found)]
 
 
-def spans_in_words(track: GnssTrack, chosen: NDArray[np.bool_], when: Callable[[float], str] = iso_utc) -> str:
+def spans_in_words(
+    track: GnssTrack, chosen: NDArray[np.bool_], when: Callable[[float], str] = iso_utc
+) -> tuple[Text, ...]:
     """Times, numbers and places of the first :data:`LISTED_SPANS` runs of chosen epochs (n,) of a track."""
     edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2).tolist()
-    words = []
-    for begin, end in edges[:LISTED_SPANS]:
-        span = when(float(track.t_s[begin]))
-        if end - begin > 1:
-            span += f" to {when(float(track.t_s[end - 1]))} ({end - begin} positions)"
-        words.append(f"{span} at {track.lat_deg[begin]:.5f}, {track.lon_deg[begin]:.5f}")
-    more = [f"and {len(edges) - LISTED_SPANS} more times"] if len(edges) > LISTED_SPANS else []
-    return "; ".join([*words, *more])
+    words = [
+        Text(
+            "{first}{last: to {last} ({positions} positions)|} at {lat_deg:.5f}, {lon_deg:.5f}",
+            first=when(float(track.t_s[begin])),
+            last=when(float(track.t_s[end - 1])) if end - begin > 1 else None,
+            positions=end - begin,
+            lat_deg=track.lat_deg[begin],
+            lon_deg=track.lon_deg[begin],
+        )
+        for begin, end in edges[:LISTED_SPANS]
+    ]
+    more = len(edges) - LISTED_SPANS
+    return (*words, *([Text("and {more} more times", more=more)] if more > 0 else []))

@@ -5,7 +5,7 @@ types as listed by the tcpdump group.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from ipaddress import IPv4Address
 from pathlib import Path
@@ -26,6 +26,12 @@ SKIPPED: Final = (
 )  # fmt: skip
 """Why a frame has no datagram, by the kernels' reason code; the last is that others of its datagram follow."""
 _NOT_IP, _NOT_UDP, FRAGMENT, _SHORT, _DAMAGED, _LINK, _NO_TIME, _PART = range(1, 9)
+
+
+def counted(frames: Mapping[str, int]) -> tuple[Text, ...]:
+    """How many frames are of each kind, in words; kinds without any are left out."""
+    return tuple(Text("{count:,} {kind}", count=count, kind=kind) for kind, count in frames.items() if count)
+
 
 MAX_FRAME: Final = 65_535 + 64
 """Largest IP datagram with its link header."""
@@ -609,12 +615,14 @@ def address_of(sender: int) -> str:
 
 def _no_capture(path: Path, head: bytes) -> InputError:
     looks_like = {
-        b"": "empty",
-        b"#ROSBAG": "a ROS 1 bag",
+        b"": Text("empty"),
+        b"#ROSBAG": Text("a ROS 1 bag"),
         b"SQLite format 3": Text("an SQLite database, as ROS 2 bags are"),
         b"\x89MCAP": Text("an MCAP bag"),
         b"$G": Text("an NMEA log"),
         b"LASF": Text("a LAS or LAZ point cloud"),
     }
-    what = next((words for start, words in looks_like.items() if head.startswith(start) and (start or not head)), "")
-    return InputError("not-a-capture", path=path, what=what or "a file that begins with " + head[:4].hex(" "))
+    what = next((words for start, words in looks_like.items() if head.startswith(start) and (start or not head)), None)
+    return InputError(
+        "not-a-capture", path=path, what=what or Text("a file that begins with {bytes}", bytes=head[:4].hex(" "))
+    )

@@ -16,7 +16,7 @@ from furrowmap.core.readers.implausible_positions import drop_implausible_positi
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions, recording_name
 from furrowmap.core.readers.source import Head, Piece, Source, cut_notice
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.languages.texts import Words
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.scan import Clock, ClockReading
@@ -240,7 +240,7 @@ class ReceiverLog(PositionLog):
         """Name of a kind of message."""
 
     @abstractmethod
-    def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:
+    def _no_position_messages(self, name: str, frames: Words, counts: MessageCounts[int]) -> InputError:
         """The error of a log without messages with positions; `frames` describes those it has."""
 
     def _read(self, paths: list[Path]) -> LoggedPositions:
@@ -257,7 +257,7 @@ class ReceiverLog(PositionLog):
             positions = self._epochs(messages, name, byte_place(paths, ends))
         else:
             names = [self._name_of(kind) for kind, _ in counts.kinds.most_common(4)]
-            frames = f"its {self.frames_title} are {', '.join(names)}" if names else f"no intact {self.frames_title}"
+            frames = Text("{names:its {title} are {names}|no intact {title}}", names=names, title=self.frames_title)
             positions = LoggedPositions.none(name, self._no_position_messages(name, frames, counts))
         facts = log_facts(counts, self.frames_title, self._name_of, name, self.notices) | dict(positions.facts)
         return replace(positions, facts=facts, scale="UTC from its messages")
@@ -328,6 +328,6 @@ def dated_positions(
     return replace(positions, facts=facts, scale="UTC from its messages")
 
 
-def no_valid_positions(name: str, count: int, frames: str) -> InputError:
+def no_valid_positions(name: str, count: int, frames: Words) -> InputError:
     """The error of a log whose position messages are all without a valid position."""
     return InputError("no-positions.none-valid", name=name, count=count, frames=frames)

@@ -14,7 +14,7 @@ from furrowmap.core.readers.csv_text import header_of, row_cells
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.clock import LAST_S, iso_utc
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
@@ -79,7 +79,7 @@ class StatesCsv(FileReader):
         return Inspection(self.paths[0], self.format, self.title, facts, notices=tuple(reader.notices))
 
 
-def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState, float, float, float, str]]:
+def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState, float, float, float, Words]]:
     """(t_s, state, sigma_s, confidence, common_share, file and line) of each row."""
     try:
         data, fault = read_small(path, MAX_STATES_BYTES, notices)
@@ -100,10 +100,10 @@ def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState,
         row = {standard[name]: text for name, text in fields.items()}
         if not any(row.values()):
             continue
-        where = f"{path}, line {number}"
+        where = Text("{path}, line {line}", path=path, line=number)
         word = row.get("state", "").lower()
         if word not in _STATE_WORDS:
-            raise _bad(f"{where}: the state is {word[:40]!r}")
+            raise _bad(Text("{where}: the state is {text!r}", where=where, text=word[:40]))
         sigma_s = _number(row, "sigma_s", where, math.nan)
         confidence, common = (
             min(max(_number(row, name, where, default), 0.0), 1.0)
@@ -112,20 +112,20 @@ def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState,
         yield _time_s(row, where), _STATE_WORDS[word], sigma_s, confidence, common, where
 
 
-def _time_s(row: dict[str, str], where: str) -> float:
+def _time_s(row: dict[str, str], where: Words) -> float:
     if row.get("t_s"):
         t_s = _number(row, "t_s", where, math.nan)
         if not 0.0 <= t_s < LAST_S:
-            raise _bad(f"{where}: the time is {row['t_s'][:40]!r}")
+            raise _bad(Text("{where}: the time is {text!r}", where=where, text=row["t_s"][:40]))
         return t_s
     text = row.get("time", "")
     try:
         return unix_time(text)
     except ValueError:
-        raise _bad(f"{where}: the time is {text[:40]!r}") from None
+        raise _bad(Text("{where}: the time is {text!r}", where=where, text=text[:40])) from None
 
 
-def _number(row: dict[str, str], name: str, where: str, default: float) -> float:
+def _number(row: dict[str, str], name: str, where: Words, default: float) -> float:
     text = row.get(name, "")
     if not text:
         return default
@@ -135,5 +135,5 @@ def _number(row: dict[str, str], name: str, where: str, default: float) -> float
         raise _bad(f"{where}: {name} is {text[:40]!r}") from None
 
 
-def _bad(what: str) -> InputError:
+def _bad(what: Words) -> InputError:
     return InputError("states-unreadable", what=what)

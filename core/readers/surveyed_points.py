@@ -233,7 +233,7 @@ def _rows_of_layer(path: Path) -> _SurveyRows:
     except RefusedError:
         raise
     except InputError as error:
-        raise _unreadable(path, Text("cannot be read ({why})", why=error.what.rstrip(".")[:200])) from None
+        raise _unreadable(path, Text("cannot be read ({why:clause})", why=error.words("what"))) from None
     except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
         why = str(error)[:200]
         raise _unreadable(path, why if why.startswith("holds ") else Text("cannot be read ({why})", why=why)) from None

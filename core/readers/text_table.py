@@ -56,8 +56,13 @@ def unpacked_layer(path: Path, folder: Path) -> Path:
         if len(files) > MAX_FILES:
             raise ValueError(Text("it has {files:,} files", files=len(files)))
         if len(mains) != 1:
-            names = ", ".join(file.filename for file in mains[:3])
-            raise ValueError(f"it holds {len(mains)} Shapefiles and KML files{': ' + names if names else ''}, not one")
+            raise ValueError(
+                Text(
+                    "it holds {count} Shapefiles and KML files{names:: {names}|}, not one",
+                    count=len(mains),
+                    names=tuple(file.filename for file in mains[:3]),
+                )
+            )
         stem = PurePosixPath(mains[0].filename).with_suffix("").as_posix().casefold()
         parts = [file for file in files if PurePosixPath(file.filename).with_suffix("").as_posix().casefold() == stem]
         wanted = [file for file in parts if PurePosixPath(file.filename).suffix.lower() in (*_SHAPEFILE_PARTS, ".kml")]

@@ -93,7 +93,7 @@ def read_vector_layer(path: Path, name: str | None = None, *, times_as_text: boo
     """
     about, wkb, data = read_layer_arrays(path, name, times_as_text=times_as_text)
     if wkb is None:
-        raise ValueError(f"{'its first layer' if name is None else name} is a table without geometries")
+        raise ValueError(Text("{name:layer {name}|its first layer} is a table without geometries", name=name))
     columns = dict(zip(map(str, about["fields"]), data, strict=True))
     crs = crs_of_file(about["crs"]) if about["crs"] else None
     return VectorLayer(np.asarray(shapely.from_wkb(wkb), object), columns, crs, tuple(about.get("notices", ())))
@@ -300,8 +300,10 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     if not is_vector(head):
         kind = binary_kind(head)
         raise unreadable(
-            f"{f'{kind}, ' if kind else ''}neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or "
-            "KML"
+            Text(
+                "{kind:{kind}, |}neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or KML",
+                kind=kind,
+            )
         )
     if size > MAX_VECTOR_BYTES:
         raise unreadable(Text("{size:,} bytes is too large for the boundary of a field or a set of parcels", size=size))

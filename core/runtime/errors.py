@@ -5,10 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
 
-from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, plain_values, printed, sentences
 from furrowmap.core.runtime.languages.templates import fill
-from furrowmap.core.runtime.languages.texts import ENGLISH, Value
+from furrowmap.core.runtime.languages.texts import ENGLISH, Text, Value, templates, words_of
 
 CONTRADICTION: Final = "contradiction"
 CHECK_POINTS_OFF: Final = "check-points-off"
@@ -61,6 +60,10 @@ class FurrowmapError(Exception):
         """The three parts in a language."""
         what, meaning, remedy = (_sentence(language, self.key, part, self.values) for part in ERROR_PARTS)
         return what, meaning, remedy
+
+    def words(self, part: str) -> Text:
+        """A part, such as "what", as a value of another message."""
+        return Text(templates(ENGLISH)[self.key][part], **self.values)
 
     @property
     def setting(self) -> dict[str, Any] | None:
@@ -177,9 +180,9 @@ class Notice:
 
 def _sentence(language: str, key: str, part: str, values: Mapping[str, Value]) -> str:
     """A part of a message in a language; texts in its values are translated too."""
-    code = key.partition(".")[0]
-    found = printed(key, values, language)
-    return printable(fill(sentences(language, key)[part], found, lambda value: translated(value, language, code)))
+    words = words_of(language)
+    parts = sentences(language, key)[part]
+    return printable(fill(parts, printed(key, values, language), lambda value: words.get(value, value)))
 
 
 def printable(text: str) -> str:

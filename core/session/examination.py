@@ -21,6 +21,7 @@ from furrowmap.core.readers.reader import (
     Recognised,
 )
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc
 from furrowmap.core.values.scan import Clock, ClockReading, likely_offset, overlap_s
 
@@ -132,7 +133,7 @@ class TimeMatch:
     positions: Path
     shared_s: float
     offset_s: float | None
-    text: str
+    text: Text
 
 
 def time_matches(recordings: Sequence[Examined]) -> Iterator[TimeMatch]:
@@ -146,30 +147,47 @@ def time_matches(recordings: Sequence[Examined]) -> Iterator[TimeMatch]:
 def _match(scans: Path, scanner: ClockReading, positions: Path, other: ClockReading) -> TimeMatch:
     shared_s = overlap_s(scanner, other)
     span_s = scanner.last_s - scanner.first_s
-    names = f"{scans.name} and {positions.name}" if scans != positions else f"Scans and positions of {scans.name}"
+    names = (
+        Text("{scans} and {positions}", scans=scans.name, positions=positions.name)
+        if scans != positions
+        else Text("Scans and positions of {scans}", scans=scans.name)
+    )
     offset_s = None
     if shared_s >= 0:
-        share = f", {shared_s / span_s:.0%} of the scans" if span_s > 0 else ""
-        text = f"{names} overlap by {shared_s:.1f} s{share}."
-    else:
-        text = (
-            f"{names} do not overlap: scans from {_span(scanner)}, positions from {_span(other)}, "
-            f"{_length(-shared_s)} apart."
+        share = shared_s / span_s if span_s > 0 else None
+        text = Text(
+            "{names} overlap by {shared_s:.1f} s{share:, {share:.0%} of the scans|}.",
+            names=names,
+            shared_s=shared_s,
+            share=share,
         )
+    else:
         likely = likely_offset(scanner, other)
         if likely is None:
-            text += " No common clock offset (hours, leap seconds, days) explains this."
+            remedy = Text("No common clock offset (hours, leap seconds, days) explains this.")
         else:
             offset_s, cause = likely
-            text += (
-                f" They would overlap if the scanner clock were {_length(abs(offset_s))} "
-                f"{'ahead' if offset_s > 0 else 'behind'} ({cause}): lidar_minus_gnss_s = {offset_s:.1f}."
+            remedy = Text(
+                "They would overlap if the scanner clock were {off} {ahead:ahead|behind} ({cause}): "
+                "lidar_minus_gnss_s = {offset_s:.1f}.",
+                off=_length(abs(offset_s)),
+                ahead=offset_s > 0,
+                cause=cause,
+                offset_s=offset_s,
             )
+        text = Text(
+            "{names} do not overlap: scans from {scans}, positions from {positions}, {apart} apart. {remedy}",
+            names=names,
+            scans=_span(scanner),
+            positions=_span(other),
+            apart=_length(-shared_s),
+            remedy=remedy,
+        )
     return TimeMatch(scans, positions, shared_s, offset_s, text)
 
 
-def _span(reading: ClockReading) -> str:
-    return f"{iso_utc(reading.first_s)} to {iso_utc(reading.last_s)}"
+def _span(reading: ClockReading) -> Text:
+    return Text("{first} to {last}", first=iso_utc(reading.first_s), last=iso_utc(reading.last_s))
 
 
 def _length(length_s: float) -> str:

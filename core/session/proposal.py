@@ -255,7 +255,7 @@ def propose_session(
         [
             _head(folder, machine),
             _recording(lidar, gnss, poses, others, folder),
-            _times([match.text for match in matches], date, undated=undated),
+            _times([str(match.text) for match in matches], date, undated=undated),
             _crs(crs),
             _TRAJECTORY_TABLE.format(_comments(poses), _names(poses, folder))
             if poses
@@ -388,7 +388,7 @@ def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
             return _Beginning()
     except InputError as error:
         return _Beginning(
-            fault=Text("The location of {name} is unknown. {why}", name=recording.path.name, why=error.what)
+            fault=Text("The location of {name} is unknown. {why}", name=recording.path.name, why=error.words("what"))
         )
     known = np.flatnonzero(np.isfinite(lon_deg) & np.isfinite(lat_deg))
     if not len(known):

@@ -266,18 +266,25 @@ def _faults(session: Session) -> Iterator[Words]:
     if not session.recording.gnss and session.trajectory is None:
         yield Text("recording.gnss names no file, and there is no [trajectory]")
     if session.crs.parameters is not None and session.crs.coordinates != CURRENT_EPOCH:
-        yield f'crs.parameters needs crs.coordinates = "{CURRENT_EPOCH}", not {session.crs.coordinates!r}'
+        yield Text(
+            "crs.parameters needs crs.coordinates = {wanted!r}, not {stated!r}",
+            wanted=CURRENT_EPOCH,
+            stated=session.crs.coordinates,
+        )
     if session.field.time_zone is not None and session.field.time_zone not in zoneinfo.available_timezones():
-        yield f'field.time_zone "{session.field.time_zone}" is no time zone of the IANA database, such as "Asia/Tokyo"'
+        yield Text(
+            "field.time_zone {zone!r} is no time zone of the IANA database, such as 'Asia/Tokyo'",
+            zone=session.field.time_zone,
+        )
     if session.crs.geoid_grid is not None and session.crs.heights == ELLIPSOIDAL:
-        yield f'crs.geoid_grid needs heights above a geoid, but crs.heights is "{ELLIPSOIDAL}"'
+        yield Text("crs.geoid_grid needs heights above a geoid, but crs.heights is {heights!r}", heights=ELLIPSOIDAL)
     yield from _repetitions(session)
     yield from camera_faults(session.camera)
     if session.recording.date is not None:
         try:
             dt.date.fromisoformat(session.recording.date)
         except ValueError:
-            yield f'recording.date must be a date such as "2026-06-11", not {session.recording.date!r}'
+            yield Text("recording.date must be a date such as '2026-06-11', not {date!r}", date=session.recording.date)
     if session.recording.span_s[0] >= session.recording.span_s[1]:
         yield Text("recording.to must be later than recording.from")
     yield from _far_places(session)
@@ -289,20 +296,20 @@ def _faults(session: Session) -> Iterator[Words]:
             kind = session.imu.kind
             yield Text(
                 "imu.class must be one of {known}, not {kind!r}; imu.noise states other figures",
-                known=", ".join(known),
+                known=known,
                 kind=kind,
             )
         if session.imu.heading == "attitude" and session.attitude is None:
-            yield 'imu.heading is "attitude", which needs [attitude] with the log of headings'
+            yield Text("imu.heading is 'attitude', which needs [attitude] with the log of headings")
     if session.lidar.rpy_walk_deg_rts and (session.imu is None or implement is not None):
         yield Text("lidar.rpy_walk_deg_rts needs [imu] and no [implement]: only strips of a flight show such a change")
     attitude = session.attitude
     if attitude is not None and attitude.north == MAGNETIC_NORTH and attitude.declination_deg is None:
-        yield 'attitude.north is "magnetic", which needs attitude.declination_deg (positive east)'
+        yield Text("attitude.north is 'magnetic', which needs attitude.declination_deg (positive east)")
     yield from implement_faults(session.implements)
     yield from _lidar_faults(session)
     if any(tool.states_use == CHECK for tool in session.implements) and not session.recording.lidar:
-        yield f'implement.states_use is "{CHECK}", which needs recording.lidar'
+        yield Text("implement.states_use is {use!r}, which needs recording.lidar", use=CHECK)
     if session.trajectory is not None and not session.trajectory.files:
         yield Text("trajectory.files names no file")
     for region_m in (tool.region_m for tool in session.implements if tool.region_m is not None):
@@ -322,9 +329,9 @@ def _lidar_faults(session: Session) -> Iterator[Words]:
     yield from _several_faults(lidars, "lidar", MAX_LIDARS, "front")
     recording = session.recording
     if lidars[0].files != recording.lidar:
-        yield "lidar.files of the first scanner and recording.lidar differ; state one of them"
+        yield Text("lidar.files of the first scanner and recording.lidar differ; state one of them")
     if lidars[0].minus_gnss_s != recording.lidar_minus_gnss_s:
-        yield "lidar.minus_gnss_s of the first scanner and recording.lidar_minus_gnss_s differ; state one of them"
+        yield Text("lidar.minus_gnss_s of the first scanner and recording.lidar_minus_gnss_s differ; state one of them")
     read = [(set(lidar.files), lidar.source) for lidar in lidars]
     for (files, source), (others, other) in itertools.combinations(read, 2):
         if files & others and (source is None or other is None or source == other):

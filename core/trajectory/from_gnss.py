@@ -15,6 +15,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice, RefusedError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.trajectory.height_steps import without_height_steps
 from furrowmap.core.trajectory.held_positions import held_against_motion, without_held
 from furrowmap.core.trajectory.kinematic import EpochMeasurements, PathEpochs, solve_path
@@ -115,8 +116,11 @@ def trajectory_from_gnss(
                 last_time=iso_utc(gated.t_s[-1]),
             )
         if motions.doubtful:
-            doubtful = (f"{iso_utc(gated.t_s[a])} to {iso_utc(gated.t_s[b])}" for a, b in motions.doubtful[:3])
-            notices.append(Notice("direction-assumed", spans=" and ".join(doubtful)))
+            doubtful = tuple(
+                Text("{first} to {last}", first=iso_utc(gated.t_s[a]), last=iso_utc(gated.t_s[b]))
+                for a, b in motions.doubtful[:3]
+            )
+            notices.append(Notice("direction-assumed", spans=doubtful))
 
     grid = _Grid.over(gated.t_s, max_gap_s)
     positions = positions_of(gated, en, white, heading_2, offsets(gated, en, notices))

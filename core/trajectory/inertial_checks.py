@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 from furrowmap.core.values.rotation import Mounting, quaternion_to_matrix
 from furrowmap.core.values.trajectory import Trajectory
@@ -161,12 +162,12 @@ def with_shown_noise(noise: InertialNoise, track: InertialTrack, notices: list[N
     if max(times) < MIN_NOISE_FACTOR:
         return noise
     words = [
-        f"{name} {factor:.1f} times"
-        for name, factor in zip(("angular rate", "specific force"), times, strict=True)
+        Text("{name} {factor:.1f} times", name=name, factor=factor)
+        for name, factor in zip((Text("angular rate"), Text("specific force")), times, strict=True)
         if factor >= MIN_NOISE_FACTOR
     ]
     rate_hz = 1.0 / float(np.median(np.diff(track.t_s)))
-    notices.append(Notice("imu-shaken", source=track.source or "The IMU", rate_hz=rate_hz, words=" and ".join(words)))
+    notices.append(Notice("imu-shaken", source=track.source or "The IMU", rate_hz=rate_hz, words=words))
     return replace(
         noise,
         rate=shown[0] if times[0] >= MIN_NOISE_FACTOR else noise.rate,

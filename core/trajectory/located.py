@@ -27,6 +27,7 @@ from furrowmap.core.readers.inertial_rows import imu_notices, without_frozen
 from furrowmap.core.readers.reader import GivesAttitude, GivesInertial, GivesPoses, GivesTrack, Reader
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_gnss
 from furrowmap.core.trajectory.from_inertial import InertialFigures, trajectory_from_inertial
@@ -135,9 +136,16 @@ def trajectory_from_attitude_logs(
     heading = _at(t_s, logs.heading, "heading_deg")
     known = np.isfinite(roll) & np.isfinite(pitch) & np.isfinite(heading)
     if known.sum() < 2:
-        times = {"positions": gated.t_s, "roll and pitch": logs.roll_pitch.t_s, "headings": logs.heading.t_s}
-        spans = (f"{name} from {iso_utc(float(t[0]))} to {iso_utc(float(t[-1]))}" for name, t in times.items())
-        raise InputError("attitude-no-overlap", spans=", ".join(spans))
+        named = (
+            (Text("positions"), gated.t_s),
+            (Text("roll and pitch"), logs.roll_pitch.t_s),
+            (Text("headings"), logs.heading.t_s),
+        )
+        spans = tuple(
+            Text("{name} from {first} to {last}", name=name, first=iso_utc(float(t_s[0])), last=iso_utc(float(t_s[-1])))
+            for name, t_s in named
+        )
+        raise InputError("attitude-no-overlap", spans=spans)
     t_s = t_s[known]
     xyz = xyz[known]
     velocity = velocity[known]
@@ -416,7 +424,7 @@ def _aided(
     try:
         by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, by_noise_alone=True)
     except RefusedError as refused:
-        notices.append(Notice("imu-not-aligned.gyroscopes-used", what=refused.what))
+        notices.append(Notice("imu-not-aligned.gyroscopes-used", what=refused.words("what")))
     else:
         figures = by_imu.figures
         notices += [notice for notice in by_imu.notices if notice not in notices]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.iteration import close
 from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack
@@ -51,11 +52,15 @@ def track_within(track: Track, span_s: Span) -> Track:
     inside = (track.t_s >= span_s[0]) & (track.t_s <= span_s[1])
     if inside.any():
         return track[inside]
-    ends = ["the start" if t == -math.inf else "the end" if t == math.inf else iso_utc(t) for t in span_s]
+    first_s, last_s = span_s
     raise InputError(
         "no-such-time",
         source=track.source,
-        wanted=" to ".join(ends),
+        wanted=Text(
+            "{first} to {last}",
+            first=Text("the start") if first_s == -math.inf else iso_utc(first_s),
+            last=Text("the end") if last_s == math.inf else iso_utc(last_s),
+        ),
         first_time=iso_utc(float(track.t_s[0])) if len(track) else None,
         last_time=iso_utc(float(track.t_s[-1])) if len(track) else None,
     )

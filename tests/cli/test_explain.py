@@ -8,7 +8,7 @@ import re
 import pytest
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.runtime.languages.messages import templates
+from furrowmap.core.runtime.languages.texts import templates
 
 
 def test_explain__every_code_has_a_message_in_both_languages(capsys: pytest.CaptureFixture[str]) -> None:

@@ -100,7 +100,7 @@ def _examined(path: Path, others: Set[Path], skipped: list[Notice]) -> list[Exam
             found += Examined.each(file)
         except InputError as error:
             names.append(printable(file.name))
-            skipped.append(Notice("recording-unused", file=printable(file.name), what=error.what))
+            skipped.append(Notice("recording-unused", file=printable(file.name), what=error.words("what")))
     if not found:
         there = names or [printable(file.name) for file in sorted(path.iterdir())]
         more = ", …" if len(there) > NAMED_FILES else ""

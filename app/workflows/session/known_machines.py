@@ -73,7 +73,7 @@ def machine_for(machine: str | Path, folder: Path | None) -> tuple[Machine, list
     try:
         return _with_copies(profile, path, folder / path.name if folder is not None else None, Machine()), []
     except InputError as error:
-        return _with_copies(profile, path, None, Machine()), [Notice("machine-no-learned", what=error.what)]
+        return _with_copies(profile, path, None, Machine()), [Notice("machine-no-learned", what=error.words("what"))]
 
 
 def _with_copies(machine: Machine, source: Path, target: Path | None, before: Machine) -> Machine:

@@ -274,8 +274,15 @@ def _index(file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz:
     entries = _entries(file, header, int(root_at), int(root_bytes))
     nodes = entries[entries["points"] > 0]
     if int(nodes["points"].sum(dtype=np.int64)) != header.points or len(nodes) != len(laz.points):
-        stated = f"{int(nodes['points'].sum(dtype=np.int64)):,} points in {len(nodes):,} nodes"
-        raise _OctreeError(f"it has {stated}, the file {header.points:,} points in {len(laz.points):,} chunks")
+        raise _OctreeError(
+            Text(
+                "it has {points:,} points in {nodes:,} nodes, the file {in_file:,} points in {chunks:,} chunks",
+                points=nodes["points"].sum(dtype=np.int64),
+                nodes=len(nodes),
+                in_file=header.points,
+                chunks=len(laz.points),
+            )
+        )
     level = nodes["key"][:, :1]
     place = nodes["key"][:, 1:]
     if np.any(level < 0) or np.any(level > MAX_LEVEL) or np.any(place < 0) or np.any(place >= 2.0**level):

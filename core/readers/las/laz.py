@@ -192,11 +192,22 @@ def decode_chunks(
             except Undecodable as fault:
                 begin = int(laz.begins[number])
                 size = int(laz.sizes[number])
-                where = f"chunk {number + 1} of {len(laz.points):,} (bytes {begin:,} to {begin + size:,})"
+                where = Text(
+                    "chunk {number} of {chunks:,} (bytes {begin:,} to {end:,})",
+                    number=number + 1,
+                    chunks=len(laz.points),
+                    begin=begin,
+                    end=begin + size,
+                )
                 if not allows("damaged"):
                     raise InputError("laz-chunk-damaged", path=path, where=where, reason=_short(fault)) from None
-                points = f"points {before[number] + 1:,} to {before[number] + laz.points[number]:,}"
-                what = f"{where} cannot be decoded ({_short(fault)}): {points}"
+                what = Text(
+                    "{where} cannot be decoded ({why}): points {first:,} to {last:,}",
+                    where=where,
+                    why=_short(fault),
+                    first=before[number] + 1,
+                    last=before[number] + laz.points[number],
+                )
                 lost.append(Notice("laz-damage-left-out", path=path.name, what=what))
     yield from whole
 

@@ -25,7 +25,7 @@ from furrowmap.core.readers.ouster.metadata import (
     settle,
 )
 from furrowmap.core.readers.ouster.packets import ByteArray, OusterDecoder
-from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, datagrams_of, first_datagrams
+from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, counted, datagrams_of, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
@@ -229,8 +229,7 @@ class OusterReader(FileReader, ABC):
         self.notices += [*self._uncertain, *self.as_read(decoder.notices())]
         counts = decoder.counts
         if not counts.packets:
-            frames = ", ".join(f"{n:,} {why}" for why, n in others.items() if n)
-            raise InputError("no-packets", paths=path, frames=frames or Text("no packets at all"))
+            raise InputError("no-packets", paths=path, frames=counted(others) or Text("no packets at all"))
         first_s, last_s = (end_s + counts.host_least_s for end_s in (counts.first_s, counts.last_s))
         readings = [ClockReading(Clock.RECORDER, first_s, last_s, f"{counts.host_words}stamps")]
         if self.clock is not Clock.RECORDER:
@@ -319,7 +318,7 @@ def sensors_and_time(
         if found.total() >= _FIRST_PACKETS:
             break
     if not found:
-        frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
+        frames = counted(dict(skipped.most_common()))
         raise InputError("no-packets", paths=path, frames=frames or Text("no packets at all"))
     sensors, uncertain = sensors_of(path, found, metadata_beside(path), model)
     sensors = chosen_by_source(sensors, path, source)

@@ -30,7 +30,7 @@ from furrowmap.core.readers.source import Source
 from furrowmap.core.readers.sqlite_file import is_plain_table, names_second_file
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import resolved
-from furrowmap.core.runtime.languages.texts import Text, reason
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.memory import expect_disk, expect_growth
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
@@ -146,7 +146,7 @@ class RecordStorage(BagStorage):
     def _chunk(self, header: Any, data: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
         """The messages of a chunk up to where it is damaged; none if its checksum is wrong."""
         at = self._offset - len(data)
-        faults = []
+        faults: list[Words] = []
         content = b""
         try:
             packed, method, size, checksum = self._chunk_content(header, data)
@@ -275,7 +275,7 @@ def _decompressor(method: str) -> tuple[Any, tuple[type[Exception], ...]]:
         return bz2.BZ2Decompressor(), (OSError, EOFError, ValueError)
     if method == "zstd":
         return zstd.ZstdDecompressor(), (zstd.ZstdError, EOFError)
-    raise Damage(f"unsupported compression {method[:20]!r} of a chunk (supported: lz4, bz2, zstd)")
+    raise Damage(Text("unsupported compression {method!r} of a chunk (supported: lz4, bz2, zstd)", method=method[:20]))
 
 
 ROSBAG1_MAGIC: Final = b"#ROSBAG V"

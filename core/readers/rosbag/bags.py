@@ -99,12 +99,14 @@ class ImageLog:
             layout = RawLayout(int(content.width), int(content.height), step, str(content.encoding), big_endian)
             fault = layout_fault(layout, len(data))
             if fault or layout.width * layout.height > MAX_PIXELS:
-                raise Damage(fault or f"it has {layout.width} × {layout.height} pixels")
+                raise Damage(
+                    fault or Text("it has {width} × {height} pixels", width=layout.width, height=layout.height)
+                )
         else:
             suffix = next((suffix for start, suffix in _SUFFIXES.items() if data.startswith(start)), "")
             stated = str(content.format)
             if not suffix or stated.startswith("bayer") or "Depth" in stated:
-                raise Damage(f"the format {stated[:40]!r} is not supported (supported: JPEG, PNG)")
+                raise Damage(Text("the format {stated!r} is not supported (supported: JPEG, PNG)", stated=stated[:40]))
         if not self._times:
             self.encoding = layout.encoding if layout is not None else str(content.format)
             self.size = f"{layout.width} × {layout.height}" if layout is not None else ""
@@ -277,7 +279,9 @@ class OusterMessages(_PacketMessages):
         """The decoder with the metadata of the sensor that sends these packets."""
         found = looks_like_data(packets)
         if not found:
-            raise InputError("no-packets", paths=self._path, frames=f"{len(packets):,} other messages")
+            raise InputError(
+                "no-packets", paths=self._path, frames=Text("{count:,} other messages", count=len(packets))
+            )
         told = list[Metadata]()
         faults = list[str]()
         for name, text in self._texts:
@@ -641,7 +645,7 @@ class _RosBag(FileReader):
             else:
                 if self.options.topic is not None or all(topic.type != ros.NAV_SAT_FIX for topic in self._found()):
                     raise fault
-                self._add_notices(Notice("bag-sentences-unused", value=fault.what.rstrip(".")))
+                self._add_notices(Notice("bag-sentences-unused", value=fault.words("what")))
                 chosen = self._choose("positions", ros.NAV_SAT_FIX)
         if chosen.type != ros.SENTENCE:
             log = self._collect(chosen, ros.FixLog())

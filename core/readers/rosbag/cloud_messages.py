@@ -157,7 +157,7 @@ class CloudScans:
         self._source = source
         self._scans = self._slots = self._untimed = self._empty = self._late = 0
         self._points = 0
-        self._invalid: Counter[str] = Counter()
+        self._invalid: Counter[Text] = Counter()
         self._fields: tuple[str, ...] = ()
         self._times: _PointTimes | None = None
         self._ringed = True
@@ -182,8 +182,10 @@ class CloudScans:
         finite = np.isfinite(x) & np.isfinite(y) & np.isfinite(z)
         near = (np.abs(x) <= MAX_RANGE_M) & (np.abs(y) <= MAX_RANGE_M) & (np.abs(z) <= MAX_RANGE_M)
         self._points += int(np.count_nonzero(~empty))
-        self._invalid["coordinates that are no numbers"] += int(np.count_nonzero(~empty & ~finite))
-        self._invalid[f"coordinates beyond {MAX_RANGE_M:,.0f} m"] += int(np.count_nonzero(finite & ~near))
+        self._invalid[Text("coordinates that are no numbers")] += int(np.count_nonzero(~empty & ~finite))
+        self._invalid[Text("coordinates beyond {most_m:,.0f} m", most_m=MAX_RANGE_M)] += int(
+            np.count_nonzero(finite & ~near)
+        )
         returned: NDArray[np.bool_] = ~empty & finite & near
         if not returned.any():
             self._empty += 1
@@ -203,7 +205,7 @@ class CloudScans:
         t_s = self._point_times(points["time"] if "time" in names else None, n, at_s)
         apart = np.abs(t_s - np.quantile(t_s, 0.5, method="lower")) > _REVOLUTION_S[1]
         if apart.any():
-            self._invalid["times apart from the others"] += int(np.count_nonzero(apart))
+            self._invalid[Text("times apart from the others")] += int(np.count_nonzero(apart))
             returned[returned] = ~apart
             t_s = t_s[~apart]
             laser = laser[~apart]
@@ -253,9 +255,11 @@ class CloudScans:
             raise InputError("points-mostly-invalid.with-counts", source=self._source, counts=self._reasons())
         return []
 
-    def _reasons(self) -> str:
-        counted = ", ".join(f"{number:,} with {reason}" for reason, number in self._invalid.items() if number)
-        return f"of {self._points:,} points {counted}"
+    def _reasons(self) -> Text:
+        counts = tuple(
+            Text("{count:,} with {fault}", count=count, fault=fault) for fault, count in self._invalid.items() if count
+        )
+        return Text("of {points:,} points {counts}", points=self._points, counts=counts)
 
     def facts(self) -> dict[str, Any]:
         """What `inspect` reports."""
@@ -332,7 +336,15 @@ def _points(content: Any) -> NDArray[Any]:
         offsets.append(int(field.offset))
     ends = [offset + np.dtype(form).itemsize for offset, form in zip(offsets, formats, strict=True)]
     if max(ends) > step or row < width * step or len(content.data) < height * row:
-        raise Damage(f"{width} × {height} points of {step} bytes do not match {len(content.data)} bytes of data")
+        raise Damage(
+            Text(
+                "{width} × {height} points of {step} bytes do not match {size} bytes of data",
+                width=width,
+                height=height,
+                step=step,
+                size=len(content.data),
+            )
+        )
     dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step})
     data = np.ascontiguousarray(content.data, np.uint8)
     return np.ndarray((height, width), dtype, data.data, strides=(row, step))

@@ -10,7 +10,7 @@ from furrowmap.core.readers.framed_messages import CRC, Framing, MessageCounts, 
 from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, dated_positions, has_position
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import east_north_up, geodetic, variances_enu
 from furrowmap.core.values.gnss import Fix
@@ -157,7 +157,7 @@ class SbfLog(ReceiverLog):
             notices=[Notice("positions-2d", name=name, flat=flat)] if flat else [],
         )
 
-    def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:  # noqa: ARG002
+    def _no_position_messages(self, name: str, frames: Words, counts: MessageCounts[int]) -> InputError:  # noqa: ARG002
         return InputError("no-positions.of-sbf", name=name, frames=frames)
 
 

@@ -16,6 +16,7 @@ from furrowmap.core.readers.spinning.scanner_model import RATE_TOLERANCE, AngleT
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.scan import Clock, Scan
 
 _FASTEST: Final = 1.5 * 720_000.0
@@ -262,9 +263,9 @@ class PacketCounts(ScannerCounts):
             notices.append(Notice("model-differs", model=model.name, stated=bool(stated), words=words))
         if self._contradicts(model):
             fits = [
-                f"{m.name} ({word})"
+                Text("{model} ({returns})", model=m.name, returns=word)
                 for m in self.maker.models
-                for returns, word in ((1, "one return"), (2, "dual"))
+                for returns, word in ((1, Text("one return")), (2, Text("dual")))
                 if abs(self.usual_s - m.packet_s(returns)) <= RATE_TOLERANCE * m.packet_s(returns)
             ]
             notices.append(
@@ -274,12 +275,15 @@ class PacketCounts(ScannerCounts):
                     model=model.name,
                     dual=self.maker.modes.get(self.mode, (1, ""))[0] > 1,
                     expected_ms=1e3 * self.packet_s(model),
-                    fits=" or ".join(fits) or "no known model",
+                    fits=fits or Text("no known model"),
                 )
             )
         if len(self.modes) > 1:
-            words = ", ".join(f"{self.maker.mode_name(mode)} in {n:,} packets" for mode, n in self.modes.most_common())
-            notices.append(Notice("return-mode-changed", words=words))
+            modes = [
+                Text("{mode} in {packets:,} packets", mode=self.maker.mode_name(mode), packets=n)
+                for mode, n in self.modes.most_common()
+            ]
+            notices.append(Notice("return-mode-changed", words=modes))
         elif self.mode not in self.maker.modes:
             notices.append(Notice("return-mode-unknown", mode=self.mode))
         notices += self.flow_notices()

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, datagrams_of, first_datagrams
+from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, counted, datagrams_of, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.spinning.hour_clock import (
@@ -91,8 +91,7 @@ class SensorTraffic:
         """What is unusual, if times come from that clock."""
         notices = []
         if other := self.other_packets:
-            words = ", ".join(f"{n:,} {why}" for why, n in other.items())
-            notices.append(Notice("other-traffic", other=sum(other.values()), words=words))
+            notices.append(Notice("other-traffic", other=sum(other.values()), words=counted(other)))
         total = self.pps.total()
         unlocked = total - self.pps[PPS_LOCKED]
         if clock is Clock.SENSOR_GPS and unlocked:
@@ -328,9 +327,7 @@ def survey(
         if packets >= _SURVEY_PACKETS and (locked or not positions):
             break
     if not packets:
-        frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
-        if positions:
-            frames = f"{len(positions):,} position packets" + (f", {frames}" if frames else "")
+        frames = counted({"position packets": len(positions)} | dict(skipped.most_common()))
         raise InputError("no-packets", paths=paths[0], frames=frames or Text("no packets at all"))
     all_senders = np.concatenate(senders)
     several = _senders(paths, all_senders, wanted)

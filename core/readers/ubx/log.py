@@ -12,7 +12,7 @@ from furrowmap.core.readers.framed_messages import FLETCHER, Framing, MessageCou
 from furrowmap.core.readers.position_log import LoggedPositions, ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s, nearest_in_cycle, utc_to_gps_s
 from furrowmap.core.values.gnss import Fix
 
@@ -179,7 +179,7 @@ class UbxLog(ReceiverLog):
             return None if not np.isfinite(utc_s).all() else utc_s
         return np.where(np.isfinite(utc_s), utc_s, gps_to_utc_s(gps_s))
 
-    def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:
+    def _no_position_messages(self, name: str, frames: Words, counts: MessageCounts[int]) -> InputError:
         raw = RXM_RAWX in counts.kinds
         return InputError("no-positions.no-position-messages-2", name=name, frames=frames, raw=bool(raw))
 

@@ -17,8 +17,8 @@ from functools import cache, cached_property, lru_cache
 from importlib.resources import files
 from typing import Final
 
-from furrowmap.core.runtime.languages.messages import expansions, templates
-from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES
+from furrowmap.core.runtime.languages.messages import expansions
+from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES, templates
 
 HOLE: Final = "…"
 BETWEEN_BRACES: Final = re.compile(r"\{[^}]*\}")

@@ -5,33 +5,16 @@
 of errors, `text` of warnings; each is a template (:mod:`~furrowmap.core.runtime.languages.templates`).
 """
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib.resources import files
 from itertools import product
 from typing import Any, Final
 
 from furrowmap.core.runtime.languages.templates import Choice, Hole, Part, holes_of, parts_of, walk
-from furrowmap.core.runtime.languages.texts import ENGLISH, Value, plain_value, shown_values
+from furrowmap.core.runtime.languages.texts import ENGLISH, Value, plain_value, shown_values, templates
 
 ERROR_PARTS: Final = ("what", "meaning", "remedy")
 """Parts of an error, as they are printed below each other."""
-
-
-@cache
-def templates(language: str) -> Mapping[str, Mapping[str, str]]:
-    """The templates of every key of a language, by part; those of a variant with the parts of its code."""
-    text = files("furrowmap.core.runtime.languages").joinpath(f"{language}_messages.toml").read_text("utf-8")
-    found: dict[str, Mapping[str, str]] = {}
-    for code, table in tomllib.loads(text).items():
-        own = {part: template for part, template in table.items() if isinstance(template, str)}
-        if own:
-            found[code] = own
-        for name, each in table.items():
-            if isinstance(each, dict):
-                found[f"{code}.{name}"] = (own if ("text" in own) == ("text" in each) else {}) | each
-    return found
 
 
 @cache

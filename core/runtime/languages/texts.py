@@ -20,6 +20,8 @@ from furrowmap.core.runtime.languages.templates import Hole, Part, fill, holes_o
 from furrowmap.core.runtime.urls import without_passwords
 
 ENGLISH: Final = "en"
+WORDS: Final = "words"
+"""The table of a catalogue with :func:`words_of`."""
 LANGUAGES: Final = (ENGLISH, "ja")
 """ISO 639-1 codes; English is what the texts are written in."""
 
@@ -45,13 +47,15 @@ class Text:
     def in_language(self, language: str) -> str:
         """The text in a language; a template that its catalogue lacks in English."""
         template = texts_of(language).get(self.template, self.template)
-        return fill(parts_of(template), shown_values([parts_of(self.template)], self.values, language))
+        return filled(template, shown_values([parts_of(self.template)], self.values, language), language)
 
 
 Words: TypeAlias = str | Text
 """What can stand in a sentence: a name that is the same in every language, or a text of the product."""
 Value: TypeAlias = str | bool | int | float | Text | tuple[str | int | float | Text, ...] | None
 """A value of a text: a number in the unit that its name states, a text, a list, or the condition of a choice."""
+CLAUSE: Final = "clause"
+"""The format of a hole for a sentence without its full stop."""
 LIST_STYLES: Final = {
     "": (", ", ", "),
     ";": ("; ", "; "),
@@ -70,6 +74,9 @@ def shown_values(
     found: dict[str, str | bool | None] = {}
     for name, value in values:
         hole = wanted[name]
+        if isinstance(hole, Hole) and hole.spec == CLAUSE:
+            found[name] = str(in_language(value, language)).rstrip(".。")
+            continue
         if isinstance(hole, Hole) and (isinstance(value, tuple) or (hole.spec in LIST_STYLES and hole.spec)):
             found[name] = joined(value if isinstance(value, tuple) else (value,), hole.spec, language)
         else:
@@ -95,6 +102,11 @@ def reason(error: Exception) -> Words:
     return said if isinstance(said, Text) else str(error)
 
 
+def filled(template: str, values: Mapping[str, str | bool | None], language: str) -> str:
+    """A template with values; words of the product among them, such as names of kinds, are in the language."""
+    return fill(parts_of(template), values, lambda value: words_of(language).get(value, value))
+
+
 def plain_value(value: Any) -> Value:
     """A value as one of Python's own numbers, a text, a string without passwords of URLs, or a tuple of these."""
     if hasattr(value, "dtype"):  # a scalar of numpy, which `--help` does not import
@@ -109,15 +121,47 @@ def plain_value(value: Any) -> Value:
 
 
 @cache
+def templates(language: str) -> Mapping[str, Mapping[str, str]]:
+    """The templates of every key of a language, by part; those of a variant with the parts of its code."""
+    text = files("furrowmap.core.runtime.languages").joinpath(f"{language}_messages.toml").read_text("utf-8")
+    found: dict[str, Mapping[str, str]] = {}
+    for code, table in tomllib.loads(text).items():
+        own = {part: template for part, template in table.items() if isinstance(template, str)}
+        if own:
+            found[code] = own
+        for name, each in table.items():
+            if isinstance(each, dict):
+                found[f"{code}.{name}"] = (own if ("text" in own) == ("text" in each) else {}) | each
+    return found
+
+
+@cache
+def words_of(language: str) -> Mapping[str, str]:
+    """Words that come as plain strings, such as names of kinds and what the operating system says; none in English."""
+    return {} if language == ENGLISH else _tables(language).get(WORDS, {})
+
+
+@cache
 def texts_of(language: str) -> Mapping[str, str]:
-    """The texts of a language by their English templates; none for English. ValueError for an unknown language."""
+    """The texts of a language by their English templates, parts of messages too; none for English.
+
+    ValueError for an unknown language.
+    """
     if language not in LANGUAGES:
         message = f"there is no catalogue of {language!r}"
         raise ValueError(message)
-    found: dict[str, str] = {}
+    own = templates(language)
+    parts = ((english, own[key][part]) for key, of in templates(ENGLISH).items() for part, english in of.items())
+    found = {} if language == ENGLISH else dict(parts)
+    return found | {source: target for table in _tables(language).values() for source, target in table.items()}
+
+
+@cache
+def _tables(language: str) -> Mapping[str, Mapping[str, str]]:
+    found: dict[str, dict[str, str]] = {}
     folder = files("furrowmap.core.runtime.languages")
     for name in sorted(f.name for f in folder.iterdir() if f.name.startswith(f"{language}_")):
         if language != ENGLISH and name != f"{language}_messages.toml":
-            for table in tomllib.loads(folder.joinpath(name).read_text("utf-8")).values():
-                found |= table
+            for title, table in tomllib.loads(folder.joinpath(name).read_text("utf-8")).items():
+                found.setdefault(title, {}).update(table)
     return found

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.pipeline.causes import AT_TOP, CONTRADICTING_CODES, FOLLOWS, by_cause, cause_of, findings
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.runtime.languages.messages import templates
-from furrowmap.core.runtime.languages.texts import ENGLISH
+from furrowmap.core.runtime.languages.texts import ENGLISH, templates
 
 KEYS: Final = sorted(templates(ENGLISH))
 

@@ -29,6 +29,7 @@ from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.sbf.log import SBF, SbfLog
 from furrowmap.core.readers.ubx.log import UbxLog
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import joined
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.session import Crs
@@ -280,7 +281,7 @@ def test_spans_in_words__are_the_first_five_and_the_number_of_the_others() -> No
     track = GnssTrack.build(np.arange(20.0), lon_deg=np.arange(20.0), lat_deg=np.arange(20.0) + 0.5)
     chosen = np.isin(np.arange(20), [0, 2, 3, 5, 7, 9, 11, 13])
     words = spans_in_words(track, chosen, "{:.0f} s".format)
-    assert words == (
+    assert joined(words, ";", "en") == (
         "0 s at 0.50000, 0.00000; 2 s to 3 s (2 positions) at 2.50000, 2.00000; 5 s at 5.50000, 5.00000; "
         "7 s at 7.50000, 7.00000; 9 s at 9.50000, 9.00000; and 2 more times"
     )

@@ -141,7 +141,7 @@ def test_keys__one_like_no_other_is_refused_with_all_that_are_known() -> None:
         (("[crs]", "[lidar]\nrpy_deg = [0, inf, 0]\n[crs]"), "session-value", "lidar.rpy_deg"),
         (("[crs]", "lidar_minus_gnss_s = nan\n[crs]"), "session-value", "recording.lidar_minus_gnss_s"),
         (("[crs]", 'date = "11.6.2026"\n[crs]'), "session-value", "recording.date"),
-        (("[crs]", '[field]\ntime_zone = "JST"\n[crs]'), "session-value", 'field.time_zone "JST" is no time zone'),
+        (("[crs]", '[field]\ntime_zone = "JST"\n[crs]'), "session-value", "field.time_zone 'JST' is no time zone"),
         (("[crs]", "date = 2026-06-11T01:23:40Z\n[crs]"), "session-value", "recording.date"),
     ],
 )

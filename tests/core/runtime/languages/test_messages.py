@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import SETTING_REMEDIES, InputError, Notice, RefusedError
-from furrowmap.core.runtime.languages.messages import expansions, holes, printed, sentences, templates
+from furrowmap.core.runtime.languages.messages import expansions, holes, printed, sentences
 from furrowmap.core.runtime.languages.templates import Choice, Hole, fill, parts_of, walk
+from furrowmap.core.runtime.languages.texts import templates
 
 ENGLISH = re.compile(r"\b[a-z]{2,} [a-z]{2,}\b")
 """Two words of English beside each other."""

@@ -69,12 +69,14 @@ def test_language__of_the_command_line_before_that_of_the_session_before_that_of
     ("error", "said"),
     [
         (
-            InputError("session-value.check-values", name="session.toml", fault="trajectory.files names no file"),
+            InputError("session-value.check-values", name="session.toml", fault=Text("trajectory.files names no file")),
             "session.toml：trajectory.files にファイルがありません。",
         ),
-        (InputError("surface-unusable", path="dsm.tif", why="has no CRS"), "dsm.tif：CRS がありません。"),
+        (InputError("surface-unusable", path="dsm.tif", why=Text("has no CRS")), "dsm.tif：CRS がありません。"),
         (
-            InputError("session-unreadable", path="p.csv", why="it is a zip archive, not text"),
+            InputError(
+                "session-unreadable", path="p.csv", why=Text("it is {kind}, not text", kind=Text("a zip archive"))
+            ),
             "p.csv：テキストではなく、zip アーカイブです。",
         ),
     ],
