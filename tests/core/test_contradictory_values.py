@@ -194,11 +194,11 @@ TOOL = "[implement]\nwidth_m = 1.7\nxy_m = [0, 0]\n"
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (LEAST + 'parameters = "a.par"\n', 'crs.parameters needs crs.coordinates = "current-epoch"'),
+        (LEAST + 'parameters = "a.par"\n', "crs.parameters needs crs.coordinates = 'current-epoch'"),
         (LEAST + 'geoid_grid = "a.tif"\n', "crs.geoid_grid needs heights above a geoid"),
         (LEAST + "[lidar]\nrpy_walk_deg_rts = 0.01\n", "lidar.rpy_walk_deg_rts needs [imu] and no [implement]"),
         (LEAST.replace('lidar = ["a.pcap"]\n', "") + TOOL + 'states = ["s.csv"]\nstates_use = "check"\n',
-         'implement.states_use is "check", which needs recording.lidar'),
+         "implement.states_use is 'check', which needs recording.lidar"),
         (LEAST + "[imu]\nfiles = []\n", "imu.files names no file"),
         (LEAST + '[imu]\nfiles = ["a"]\nclass = "best"\n', "imu.class must be one of consumer, industrial, tactical"),
         (LEAST + "[trajectory]\nfiles = []\n", "trajectory.files names no file"),

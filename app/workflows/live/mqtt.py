@@ -18,7 +18,7 @@ MQTT_KEEP_ALIVE_S: Final = 15
 LOOP_S: Final = 0.05
 MAX_ANSWER_BYTES: Final = 1 << 16
 """Nothing is subscribed to, so a broker sends acknowledgements, of some bytes."""
-_WAITING: Final = Text("no connection yet")
+_NOT_CONNECTED: Final = Text("no connection yet")
 
 
 class MqttOutlet:
@@ -56,7 +56,7 @@ class MqttOutlet:
         self._user = (unquote(parts.username), unquote(parts.password or "") or None) if parts.username else None
         self._is_connected = False
         self._waiting: dict[str, str] = {}
-        self.fault: Notice | None = Notice("live-mqtt", broker=self._broker, reason=_WAITING)
+        self.fault: Notice | None = Notice("live-mqtt", broker=self._broker, reason=_NOT_CONNECTED)
         self.thread = SupervisedThread("MQTT", self._connect_often, self._ended)
         self.thread.ensure()
 
@@ -116,7 +116,7 @@ class MqttOutlet:
 
     def _lost(self, reason: Words) -> None:
         """The connection has ended; a reason that the broker gave is kept."""
-        is_refused = self.fault is not None and ("reason", _WAITING) not in self.fault.values
+        is_refused = self.fault is not None and ("reason", _NOT_CONNECTED) not in self.fault.values
         if not is_refused and not self.thread.stopping.is_set():
             self.fault = Notice("live-mqtt", broker=self._broker, reason=reason)
 
