@@ -158,7 +158,6 @@ NO_INPUTS = {
     "core/live/difference.py": "a live session's products",
     "core/runtime/arrays.py": "memory", "core/runtime/memory.py": "the system's figures",
     "core/runtime/languages/catalogue.py": "messages of the package",
-    "core/runtime/languages/messages.py": "messages of the package",
     "core/runtime/languages/texts.py": "texts of the package",
     "core/session/examination.py": "a list of the package; readers",
     "exporters/cloud/writer.py": "clouds of its own", "exporters/exchange/textured_mesh.py": "memory",
