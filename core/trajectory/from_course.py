@@ -18,7 +18,7 @@ from furrowmap.core.readers.implausible_positions import drop_implausible_positi
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.smoothing import smooth_path, white_noise
-from furrowmap.core.trajectory.used_positions import sigmas_m, without_jumps
+from furrowmap.core.trajectory.used_positions import UsedPositions, sigmas_m, without_jumps
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.trajectory import Motion, Trajectory, source_columns, trajectory_from_attitude
 
@@ -54,14 +54,13 @@ def trajectory_from_course(
         InputError: if fewer than two positions are left.
         RefusedError: if the place lies outside the area of the map's CRS.
     """
-    notices: list[Notice] = []
     near = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
     here, kept_of_near, found = drop_implausible_positions(track[near])
-    notices += found
     near[near] = kept_of_near
     _expect_some(track, near)
     en = np.column_stack(frame.project(here.lon_deg, here.lat_deg))
-    kept, en = without_jumps(here, en, {}, notices)
+    positions, en = without_jumps(UsedPositions(here, notices=tuple(found)), en)
+    kept = positions.track
     used = near.copy()
     used[near] = np.isin(here.t_s, kept.t_s)
     _expect_some(track, used)
@@ -81,7 +80,7 @@ def trajectory_from_course(
     )
     sources = source_columns(len(kept), "course", "gnss", "gnss", "assumed")
     trajectory = replace(trajectory, fix=kept.fix, sigma=sigma, **sources)
-    return CourseTrajectory(trajectory, used, tuple(notices))
+    return CourseTrajectory(trajectory, used, positions.notices)
 
 
 def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:

@@ -21,11 +21,11 @@ from furrowmap.core.trajectory.held_positions import held_against_motion, withou
 from furrowmap.core.trajectory.kinematic import EpochMeasurements, PathEpochs, solve_path
 from furrowmap.core.trajectory.used_positions import (
     climb_notices,
-    judge_rate,
     offsets,
     positions_of,
     quality_runs,
     quality_words,
+    rate_notices,
     sigmas_m,
     usable,
     white_noise_m,
@@ -92,21 +92,20 @@ def trajectory_from_gnss(
         RefusedError: if the vehicle never moves and no second antenna shows its heading, or positions are too far
             apart in time.
     """
-    notices: list[Notice] = []
-    gated, unused = usable(track, fixes, notices)
-    gated = without_held(gated, unused, notices)
-    judge_rate(gated, notices)
-    gated, levels_m = without_height_steps(gated, notices, lasting=True)
-    en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
-    gated, en = without_jumps(gated, en, unused, notices)
-    gated = held_against_motion(gated, en, notices)
+    kept = without_held(usable(track, fixes))
+    kept = without_height_steps(kept.told(*rate_notices(kept.track)), lasting=True)
+    kept, en = without_jumps(kept, np.column_stack(frame.project(kept.track.lon_deg, kept.track.lat_deg)))
+    kept = held_against_motion(kept, en)
+    gated = kept.track
+    notices = list(kept.notices)
     convergence = frame.convergence_deg(gated.lon_deg, gated.lat_deg)
     sigma = sigmas_m(gated)
     white = white_noise_m(gated, en, sigma[:, 0])
     max_gap_s = longest_gap_s(gated.t_s)
     motions = find_motion(gated.t_s, en, float(np.median(white)), max_gap_s, quality_runs(gated.fix))
 
-    heading_2 = _antennas_heading(gated, convergence, motions, notices)
+    heading_2, found = _antennas_heading(gated, convergence, motions)
+    notices += found
     if not np.isfinite(heading_2).any():
         if not motions.motion.any():
             raise RefusedError(
@@ -123,7 +122,9 @@ def trajectory_from_gnss(
             notices.append(Notice("direction-assumed", spans=doubtful))
 
     grid = _Grid.over(gated.t_s, max_gap_s)
-    positions = positions_of(gated, en, white, heading_2, offsets(gated, en, notices))
+    steps = offsets(gated, en)
+    notices += steps.notices
+    positions = positions_of(gated, en, white, heading_2, steps)
     chain, antenna = _chain(positions, motions, lever_m, grid)
     # Yaw from course and direction of motion, interpolated over stands and gaps.
     driven = motions.velocity_mps * motions.motion[:, None]
@@ -152,27 +153,26 @@ def trajectory_from_gnss(
         fix=gated.fix[grid.nearest],
         sigma=with_vague_headings(_with_tilt(path.sigma, lever_m), np.asarray(lever_m, np.float64)),
     )
-    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices), levels_m)
+    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), kept.unused, tuple(notices), kept.levels_m)
 
 
 def _antennas_heading(
-    track: GnssTrack, convergence_deg: FloatArray, motions: Motions, notices: list[Notice]
-) -> FloatArray:
-    """Grid heading (n,) that two antennas show, nan where there is none or it is not the vehicle's."""
+    track: GnssTrack, convergence_deg: FloatArray, motions: Motions
+) -> tuple[FloatArray, list[Notice]]:
+    """Grid heading (n,) that two antennas show, nan where there is none or it is not the vehicle's; notices."""
     heading = track.heading_deg - convergence_deg
     course = 90.0 - np.degrees(np.arctan2(motions.velocity_mps[:, 1], motions.velocity_mps[:, 0]))
     speed = np.hypot(*motions.velocity_mps.T)
     both = np.isfinite(heading) & (speed > 0.2)
     if not both.any():
-        return heading
+        return heading, []
     off = wrap_deg(heading - course)[both]
     median = float(np.degrees(np.angle(np.median(np.cos(np.radians(off))) + 1j * np.median(np.sin(np.radians(off))))))
     if abs(median) > ANTENNAS_OFF_DEG:
-        notices.append(Notice("antennas-heading-unused", off_course_deg=median))
-        return np.full(len(track), np.nan)
+        return np.full(len(track), np.nan), [Notice("antennas-heading-unused", off_course_deg=median)]
     if abs(median) > ANTENNAS_REPORTED_DEG:
-        notices.append(Notice("antennas-heading-off", off_course_deg=median))
-    return heading
+        return heading, [Notice("antennas-heading-off", off_course_deg=median)]
+    return heading, []
 
 
 @dataclass(frozen=True)

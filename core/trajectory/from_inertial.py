@@ -414,15 +414,16 @@ def trajectory_from_inertial(
         InputError: if no position is left to use, or IMU and positions have no time in common.
         RefusedError: if the motion does not show the heading.
     """
-    notices: list[Notice] = []
-    gated, unused = usable(track, fixes, notices)
-    gated = without_held(gated, unused, notices)
-    en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
-    gated = held_against_motion(gated, en, notices)
-    notices += climb_notices(gated, en) if hints.on_wheels else []
-    gated, levels_m = without_height_steps(gated, notices)
+    kept = without_held(usable(track, fixes))
+    en = np.column_stack(frame.project(kept.track.lon_deg, kept.track.lat_deg))
+    kept = held_against_motion(kept, en)
+    kept = without_height_steps(kept.told(*(climb_notices(kept.track, en) if hints.on_wheels else ())))
+    gated = kept.track
+    notices = list(kept.notices)
     positions = positions_without_steps(gated, en)
-    imu = replace(imu, noise=with_shown_noise(imu.noise, imu.track, notices))
+    noise, shaken = with_shown_noise(imu.noise, imu.track)
+    notices += shaken
+    imu = replace(imu, noise=noise)
     site = site_of(gated, frame)
     lever = np.asarray(lever_m, np.float64)
     in_air = not (by_noise_alone or hints.on_wheels)
@@ -454,7 +455,9 @@ def trajectory_from_inertial(
         notices.append(Notice("gnss-jumps.by-imu", unused=int(far.sum()), track=spans_in_words(gated, far)))
     used = quality_words(gated.fix)
     figures = _figures(adjusted, imu.earlier_by(clock_s))
-    return InertialTrajectory(trajectory, positions, used, unused, tuple(notices), levels_m, figures, adjusted)
+    return InertialTrajectory(
+        trajectory, positions, used, kept.unused, tuple(notices), kept.levels_m, figures, adjusted
+    )
 
 
 def _adjusted(
@@ -466,11 +469,10 @@ def _adjusted(
     """
     found: list[tuple[InertialAdjustment, MountedImu, float, list[Notice]]] = []
     for _ in range(MENDING_ROUNDS):
-        notices: list[Notice] = []
         arm_m = lever_m - imu.mounting.xyz_m
         searched_s = search_imu_clock(imu.in_vehicle_axes, positions, arm_m, on_wheels=hints.on_wheels)
         whole = InertialProblem.over_common_time(positions, imu.earlier_by(searched_s), site, lever_m, hints)
-        problem, start = first_guess(whole, notices)
+        problem, start, notices = first_guess(whole)
         adjusted, clock_s = with_clock(with_travel(adjust(problem, start)), searched_s)
         found.append((adjusted, imu, clock_s, notices))
         rate, scale = (

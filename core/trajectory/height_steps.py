@@ -17,10 +17,10 @@ from furrowmap.core.trajectory.used_positions import (
     JUMP_SIGMAS,
     MAX_STEP_INTERVALS,
     MIN_POSITIONS_FOR_STEPS,
+    UsedPositions,
     sigmas_m,
 )
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.gnss import GnssTrack
 
 MAX_CLIMB_ACCELERATION_MPS2: Final = 10.0
 """Of an aircraft or a vehicle between two epochs."""
@@ -30,17 +30,17 @@ AROUND: Final = (-3, -2, -1, 1, 2, 3)
 """Intervals beside one, whose median speed of climb is that of the vehicle."""
 
 
-def without_height_steps(track: GnssTrack, notices: list[Notice], *, lasting: bool = False) -> tuple[GnssTrack, float]:
-    """The track with heights on one level, and by how much the levels differ at most; 0 where there is one.
+def without_height_steps(positions: UsedPositions, *, lasting: bool = False) -> UsedPositions:
+    """The positions with heights on one level.
 
     Args:
-        track: positions with heights, in the order of time.
-        notices: get one about steps.
+        positions: with heights, in the order of time.
         lasting: whether levels of few positions, and steps between positions of different quality, are left: outliers,
             and errors of float solutions, which have standard deviations of their own.
     """
+    track = positions.track
     if len(track) < MIN_POSITIONS_FOR_STEPS or not np.isfinite(track.height_m).all():
-        return track, 0.0
+        return positions
     step_s = np.diff(track.t_s)
     climb_mps = np.diff(track.height_m) / step_s
     around = np.clip(np.arange(len(step_s))[:, None] + np.array(AROUND), 0, len(step_s) - 1)
@@ -54,25 +54,24 @@ def without_height_steps(track: GnssTrack, notices: list[Notice], *, lasting: bo
     if lasting:
         steps = steps[track.fix[steps] == track.fix[steps + 1]]
     if not len(steps):
-        return track, 0.0
+        return positions
     level = np.zeros(len(track), np.intp)
     level[steps + 1] = 1
     level = np.cumsum(level)
     level_m = np.append(0.0, np.cumsum(step_m[steps]))
-    positions = np.bincount(level)
-    level_m -= level_m[np.argmax(positions)]
-    counts = positions >= (MIN_POSITIONS_FOR_STEPS if lasting else 1)
+    sizes = np.bincount(level)
+    level_m -= level_m[np.argmax(sizes)]
+    counts = sizes >= (MIN_POSITIONS_FOR_STEPS if lasting else 1)
     most_m = float(np.abs(level_m[counts]).max(initial=0.0))
     if most_m < HEIGHT_JUMP_FLOOR_M:
-        return track, 0.0
-    notices.append(
-        Notice(
-            "gnss-height-steps",
-            source=track.source or "The GNSS log",
-            steps=len(steps),
-            most_m=most_m,
-            first=iso_utc(float(track.t_s[steps[0] + 1])),
-            last=iso_utc(float(track.t_s[steps[-1] + 1])),
-        )
+        return positions
+    notice = Notice(
+        "gnss-height-steps",
+        source=track.source or "The GNSS log",
+        steps=len(steps),
+        most_m=most_m,
+        first=iso_utc(float(track.t_s[steps[0] + 1])),
+        last=iso_utc(float(track.t_s[steps[-1] + 1])),
     )
-    return replace(track, height_m=track.height_m - level_m[level]), most_m
+    level_track = replace(track, height_m=track.height_m - level_m[level])
+    return replace(positions, track=level_track, levels_m=most_m).told(notice)

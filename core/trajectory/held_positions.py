@@ -18,7 +18,7 @@ from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.trajectory.used_positions import sigmas_m
+from furrowmap.core.trajectory.used_positions import UsedPositions, sigmas_m
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 
@@ -64,45 +64,44 @@ MAX_HELD_SHARE: Final = 0.5
 M_A_DEGREE: Final = 111_200.0
 
 
-def held_against_motion(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> GnssTrack:
-    """The track, with standard deviations of heights that hold for held, interpolated and rounded ones.
+def held_against_motion(positions: UsedPositions, en_m: FloatArray) -> UsedPositions:
+    """The positions, with standard deviations of heights that hold for held, interpolated and rounded ones.
 
     Args:
         en_m: (n, 2) easting and northing.
-        notices: get those about such heights.
     """
+    track = positions.track
     simulated = bool((track.fix == Fix.SIMULATED).all())
     if len(track) < MIN_POSITIONS or simulated or not np.isfinite(track.height_m).all():
-        return track
+        return positions
     sigma_m = sigmas_m(track)[:, 1]
     step_m = rounding_m(track.height_m)
     way_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(en_m, axis=0), axis=1)))
     if step_m > ROUNDED_M:
         rounded_m = np.hypot(sigma_m, ROUNDED_SIGMA * step_m)
-        if ROUNDED_SIGMA * step_m > np.median(sigma_m):
-            notices.append(Notice("gnss-heights.rounded-values", source=_source(track), step_m=step_m))
-        return replace(track, sigma_h_m=rounded_m)
+        found = replace(positions, track=replace(track, sigma_h_m=rounded_m))
+        if ROUNDED_SIGMA * step_m <= np.median(sigma_m):
+            return found
+        return found.told(Notice("gnss-heights.rounded-values", source=_source(track), step_m=step_m))
     held = held_heights(track.height_m, en_m)
     if not held.any():
-        return track
+        return positions
     edges = np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)
     for first, end in edges.tolist():
         extent_m = float(np.linalg.norm(np.ptp(en_m[first:end], axis=0)))
         least_m = max(LEAST_HELD_SIGMA_M, HELD_SLOPE * extent_m)
         sigma_m[first:end] = np.hypot(sigma_m[first:end], least_m)
-    notices.append(
-        Notice(
-            "gnss-heights.held-values",
-            source=_source(track),
-            held=int(held.sum()),
-            count=len(track),
-            way_m=float(sum(way_m[end - 1] - way_m[first] for first, end in edges.tolist())),
-            first=iso_utc(float(track.t_s[edges[0, 0]])),
-            last=iso_utc(float(track.t_s[edges[-1, 1] - 1])),
-            sigma_m=float(np.median(sigma_m[held])),
-        )
+    notice = Notice(
+        "gnss-heights.held-values",
+        source=_source(track),
+        held=int(held.sum()),
+        count=len(track),
+        way_m=float(sum(way_m[end - 1] - way_m[first] for first, end in edges.tolist())),
+        first=iso_utc(float(track.t_s[edges[0, 0]])),
+        last=iso_utc(float(track.t_s[edges[-1, 1] - 1])),
+        sigma_m=float(np.median(sigma_m[held])),
     )
-    return replace(track, sigma_h_m=sigma_m)
+    return replace(positions, track=replace(track, sigma_h_m=sigma_m)).told(notice)
 
 
 def measured_heights(positions: Positions) -> NDArray[np.bool_]:
@@ -113,19 +112,13 @@ def measured_heights(positions: Positions) -> NDArray[np.bool_]:
     return ~held_heights(height_m, positions.xyz_m[:, :2])
 
 
-def without_held(track: GnssTrack, unused: dict[str, int], notices: list[Notice]) -> GnssTrack:
-    """The track without places that repeat while the vehicle moves; the first of each stays.
-
-    Args:
-        unused: gets their number.
-        notices: get one about them.
-    """
-    held = held_places(track)
+def without_held(positions: UsedPositions) -> UsedPositions:
+    """The positions without places that repeat while the vehicle moves; the first of each stays."""
+    held = held_places(positions.track)
     if not held.any():
-        return track
-    unused["held"] = int(held.sum())
-    notices.append(Notice("gnss-frozen", unused=unused["held"], track=spans_in_words(track, held)))
-    return track[~held]
+        return positions
+    notice = Notice("gnss-frozen", unused=int(held.sum()), track=spans_in_words(positions.track, held))
+    return positions.without(held, "held", notice)
 
 
 def held_places(track: GnssTrack) -> NDArray[np.bool_]:

@@ -155,24 +155,25 @@ def densities(track: InertialTrack) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def with_shown_noise(noise: InertialNoise, track: InertialTrack, notices: list[Notice]) -> InertialNoise:
-    """The stated noise, or that which the measurements show if it is clearly larger; a notice tells of it."""
+def with_shown_noise(noise: InertialNoise, track: InertialTrack) -> tuple[InertialNoise, tuple[Notice, ...]]:
+    """The stated noise, or that which the measurements show if it is clearly larger, and a notice about it."""
     shown = densities(track)
     times = shown[0] / noise.rate, shown[1] / noise.force
     if max(times) < MIN_NOISE_FACTOR:
-        return noise
+        return noise, ()
     words = [
         Text("{name} {factor:.1f} times", name=name, factor=factor)
         for name, factor in zip((Text("angular rate"), Text("specific force")), times, strict=True)
         if factor >= MIN_NOISE_FACTOR
     ]
     rate_hz = 1.0 / float(np.median(np.diff(track.t_s)))
-    notices.append(Notice("imu-shaken", source=track.source or "The IMU", rate_hz=rate_hz, words=words))
-    return replace(
+    notice = Notice("imu-shaken", source=track.source or "The IMU", rate_hz=rate_hz, words=words)
+    larger = replace(
         noise,
         rate=shown[0] if times[0] >= MIN_NOISE_FACTOR else noise.rate,
         force=shown[1] if times[1] >= MIN_NOISE_FACTOR else noise.force,
     )
+    return larger, (notice,)
 
 
 @dataclass(frozen=True)

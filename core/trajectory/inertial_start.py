@@ -245,8 +245,10 @@ def heading_unknown(problem: InertialProblem) -> RefusedError:
     )
 
 
-def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[InertialProblem, State]:
+def first_guess(problem: InertialProblem) -> tuple[InertialProblem, State, list[Notice]]:
     """Attitudes by alignment, places and speeds by the positions; stretches that cannot be aligned are left out.
+
+    The notices tell of these.
 
     Raises:
         InputError: if the measurements contradict the positions.
@@ -256,8 +258,12 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
     guesses = [guess for _, guess in found if guess is not None]
     if not guesses:
         raise heading_unknown(problem)
-    if left := [f"{iso_utc(chain.begin_s)} to {iso_utc(chain.end_s)}" for chain, guess in found if guess is None]:
-        notices.append(Notice("imu-not-aligned", left=", ".join(left)))
+    left = [
+        Text("{first} to {last}", first=iso_utc(chain.begin_s), last=iso_utc(chain.end_s))
+        for chain, guess in found
+        if guess is None
+    ]
+    notices = [Notice("imu-not-aligned", left=left)] if left else []
     worst = max(guess.misfit for guess in guesses)
     if worst > MAX_MISFIT:
         mended = likely_mistake(problem, worst)
@@ -271,7 +277,7 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
     knots = Knots(tuple(chains), np.concatenate([c.begin_s + KNOT_STEP_S * np.arange(c.count) for c in chains]))
     names = ("xyz_m", "rotation", "added")
     xyz, rotation, added = (arrays.concatenated([getattr(g, name) for g in guesses]) for name in names)
-    return replace(problem, knots=knots), State(xyz, rotation, added, problem.hints.layout)
+    return replace(problem, knots=knots), State(xyz, rotation, added, problem.hints.layout), notices
 
 
 def likely_mistake(problem: InertialProblem, misfit: float | None = None) -> Text | None:

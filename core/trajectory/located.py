@@ -126,10 +126,8 @@ def trajectory_from_attitude_logs(
     Raises:
         InputError: if no position is left to use, or positions and logs have no time in common.
     """
-    notices: list[Notice] = []
-    gated, unused = usable(track, fixes, notices)
-    gated = without_held(gated, unused, notices)
-    gated, levels_m = without_height_steps(gated, notices)
+    kept = without_height_steps(without_held(usable(track, fixes)))
+    gated = kept.track
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     t_s, xyz, velocity = _antenna(gated, en, logs.roll_pitch.t_s)
     roll, pitch = (_at(t_s, logs.roll_pitch, name) for name in ("roll_deg", "pitch_deg"))
@@ -173,7 +171,7 @@ def trajectory_from_attitude_logs(
         **source_columns(len(t_s), "attitude", "gnss", "gnss", "attitude"),
     )
     positions = positions_without_steps(gated, en)
-    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices), levels_m)
+    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), kept.unused, kept.notices, kept.levels_m)
 
 
 def _antenna(track: GnssTrack, en_m: FloatArray, wanted_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

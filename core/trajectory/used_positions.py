@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -59,13 +59,15 @@ class Offsets:
     Attributes:
         run: (n,) number of the run that each position belongs to, from 0.
         off_m: (n,) by how much the positions of its run are off, by the step to those beside it; 0 where none is.
+        notices: about such steps.
     """
 
     run: NDArray[np.intp]
     off_m: FloatArray
+    notices: tuple[Notice, ...] = ()
 
 
-def offsets(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> Offsets:
+def offsets(track: GnssTrack, en_m: FloatArray) -> Offsets:
     """Steps between positions (n, 2) that no drive explains: of the two sides the one of worse quality is off.
 
     Of equal qualities it is the side of fewer positions. Float solutions may be metres off with a stated standard
@@ -96,12 +98,13 @@ def offsets(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> Offset
         worse = sides[int(rank[1] > rank[0])]
         off[worse] = np.maximum(off[worse], step[i])
         new[[i + 1, int(np.argmax(worse))]] = True
-    if len(steps):
-        there = np.flatnonzero(off)
-        first, last = (iso_utc(float(t_s[there[i]])) for i in (0, -1))
-        sigma_m = np.median(sigma[there])
-        notices.append(Notice("gnss-steps", there=len(there), first=first, last=last, off_m=off.max(), sigma_m=sigma_m))
-    return Offsets(np.cumsum(new), off)
+    if not len(steps):
+        return Offsets(np.cumsum(new), off)
+    there = np.flatnonzero(off)
+    first, last = (iso_utc(float(t_s[there[i]])) for i in (0, -1))
+    sigma_m = np.median(sigma[there])
+    notice = Notice("gnss-steps", there=len(there), first=first, last=last, off_m=off.max(), sigma_m=sigma_m)
+    return Offsets(np.cumsum(new), off, (notice,))
 
 
 def positions_of(
@@ -156,8 +159,34 @@ def quality_words(fix: NDArray[np.int8]) -> dict[str, int]:
     return {Fix(f).label: count for f, count in sorted(Counter(fix.tolist()).items())}
 
 
-def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice]) -> tuple[GnssTrack, dict[str, int]]:
-    """The positions of the qualities to use, and how many others there were."""
+@dataclass(frozen=True)
+class UsedPositions:
+    """The positions of a log that are used, after one step after another has left out or changed some.
+
+    Attributes:
+        unused: how many were left out, by the word of their quality, "jump" or "held".
+        levels_m: by how much levels of heights differed at most, before they were made one.
+        notices: about what was left out and changed.
+    """
+
+    track: GnssTrack
+    unused: dict[str, int] = field(default_factory=dict)
+    levels_m: float = 0.0
+    notices: tuple[Notice, ...] = ()
+
+    def without(self, left_out: NDArray[np.bool_], why: str, notice: Notice) -> UsedPositions:
+        """The positions but for some (n,), which are counted under `why`."""
+        unused = {**self.unused, why: int(left_out.sum())}
+        return replace(self, track=self.track[~left_out], unused=unused, notices=(*self.notices, notice))
+
+    def told(self, *notices: Notice) -> UsedPositions:
+        """The same with more notices."""
+        return replace(self, notices=(*self.notices, *notices))
+
+
+def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None) -> UsedPositions:
+    """The positions of the qualities to use. Raises InputError if there are fewer than two with heights."""
+    notices: tuple[Notice, ...] = ()
     positioned = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg) & np.isfinite(track.height_m)
     positioned &= track.fix != Fix.NONE
     if fixes is None:
@@ -165,13 +194,13 @@ def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice
         wanted = np.isin(track.fix, (Fix.FIXED, Fix.SIMULATED, Fix.FLOAT)) if good.any() else np.ones(len(track), bool)
         if len(track) and not good.any():
             best = Counter(Fix(f).label for f in track.fix[positioned].tolist()).most_common(1)
-            notices.append(Notice("gnss-quality", best=best[0][0] if best else "none"))
+            notices = (Notice("gnss-quality", best=best[0][0] if best else "none"),)
     else:
         wanted = np.isin(track.fix, fixes)
     use = positioned & wanted
     unused = quality_words(track.fix[~use])
     if use.sum() >= 2:
-        return track[use], unused
+        return UsedPositions(track[use], unused, notices=notices)
     source = track.source or "The GNSS log"
     placed = np.isfinite(track.lon_deg) & (track.fix != Fix.NONE)
     count = int(positioned.sum())
@@ -184,13 +213,12 @@ def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice
     raise InputError("gnss-no-positions.too-few", source=source, use=int(use.sum()), track=len(track), words=words)
 
 
-def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
-    """Report positions that come seldom. Raises RefusedError if a tractor might have turned between two of them."""
+def rate_notices(track: GnssTrack) -> tuple[Notice, ...]:
+    """About positions that come seldom. Raises RefusedError if a tractor might have turned between two of them."""
     step_s = float(np.median(np.diff(track.t_s)))
     if step_s > MAX_POSITION_STEP_S:
         raise RefusedError("gnss-rate", source=track.source or "The GNSS log", step_s=step_s)
-    if step_s > RATE_REPORTED_S:
-        notices.append(Notice("gnss-rate.slow", step_s=step_s))
+    return (Notice("gnss-rate.slow", step_s=step_s),) if step_s > RATE_REPORTED_S else ()
 
 
 def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
@@ -237,21 +265,19 @@ def jumps(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np
         return np.asarray((np.hypot(off[:, 0], off[:, 1]) > limit[:, 0]) | (off[:, 2] > limit[:, 1]))
 
 
-def without_jumps(
-    track: GnssTrack, en_m: FloatArray, unused: dict[str, int], notices: list[Notice]
-) -> tuple[GnssTrack, FloatArray]:
-    """Positions (n,) and map coordinates (n, 2) without reported jumps. Raises InputError if most of them are."""
+def without_jumps(positions: UsedPositions, en_m: FloatArray) -> tuple[UsedPositions, FloatArray]:
+    """Positions (n,) and map coordinates (n, 2) without jumps. Raises InputError if most of them are."""
+    track = positions.track
     sigma = sigmas_m(track)
     bad = strays(track.t_s, en_m, sigma[:, 0])
     rest = ~bad
     bad[rest] = jumps(track.t_s[rest], np.column_stack([en_m, track.height_m])[rest], sigma[rest])
     if not bad.any():
-        return track, en_m
+        return positions, en_m
     if bad.mean() > 0.5:
         raise InputError("gnss-unsteady", source=track.source or "The GNSS log", bad=int(bad.sum()), track=len(track))
-    unused["jump"] = int(bad.sum())
-    notices.append(Notice("gnss-jumps", unused=unused["jump"], track=spans_in_words(track, bad)))
-    return track[~bad], en_m[~bad]
+    notice = Notice("gnss-jumps", unused=int(bad.sum()), track=spans_in_words(track, bad))
+    return positions.without(bad, "jump", notice), en_m[~bad]
 
 
 def sigmas_m(track: GnssTrack) -> FloatArray:

@@ -58,7 +58,7 @@ def used(*kinds: Fix, fixes: tuple[Fix, ...] | None = None) -> list[Fix]:
     n = len(kinds)
     place = {"lon_deg": np.full(n, 140.0), "lat_deg": np.full(n, 36.0), "height_m": np.full(n, 50.0)}
     track = GnssTrack.build(1.75e9 + np.arange(n, dtype=np.float64), fix=np.array(kinds), **place)
-    return [Fix(kind) for kind in usable(track, fixes, [])[0].fix.tolist()]
+    return [Fix(kind) for kind in usable(track, fixes).track.fix.tolist()]
 
 
 def test_session_page__defaults_of_an_imu() -> None:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.height_steps import without_height_steps
+from furrowmap.core.trajectory.used_positions import UsedPositions
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 RATE_HZ = 10.0
@@ -47,43 +47,37 @@ def flown() -> np.ndarray:
 def test_heights_on_another_level__are_put_on_that_of_most(first: int, end: int, off_m: float) -> None:
     mixed = flown()
     mixed[first:end] += off_m
-    notices: list[Notice] = []
-    level, apart_m = without_height_steps(track(mixed), notices)
-    assert level.height_m == pytest.approx(flown(), abs=0.25)
-    assert apart_m == pytest.approx(abs(off_m), abs=0.2)
-    assert [notice.code for notice in notices] == ["gnss-height-steps"]
+    found = without_height_steps(UsedPositions(track(mixed)))
+    assert found.track.height_m == pytest.approx(flown(), abs=0.25)
+    assert found.levels_m == pytest.approx(abs(off_m), abs=0.2)
+    assert [notice.code for notice in found.notices] == ["gnss-height-steps"]
 
 
 def test_a_vehicle_that_climbs__has_one_level() -> None:
-    notices: list[Notice] = []
-    stated = track(flown())
-    level, apart_m = without_height_steps(stated, notices)
-    assert level is stated
-    assert apart_m == 0.0
-    assert notices == []
+    stated = UsedPositions(track(flown()))
+    assert without_height_steps(stated) is stated
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_heights_that_scatter_more_than_stated__have_one_level(seed: int) -> None:
     """As those of a receiver without corrections, stated as good to centimetres."""
     noise_m = np.random.default_rng(seed).normal(0.0, 1.0, 3000)
-    assert without_height_steps(track(noise_m), [])[1] == 0.0
+    assert without_height_steps(UsedPositions(track(noise_m))).levels_m == 0.0
 
 
 @pytest.mark.parametrize(("first", "end", "off_m"), [(200, 300, -40.0), (100, 180, 2.0)])
 def test_levels_of_a_drive__last_and_have_one_quality(first: int, end: int, off_m: float) -> None:
     mixed = flown()
     mixed[first:end] += off_m
-    notices: list[Notice] = []
-    level, apart_m = without_height_steps(track(mixed), notices, lasting=True)
-    assert level.height_m == pytest.approx(flown(), abs=0.25)
-    assert apart_m == pytest.approx(abs(off_m), abs=0.2)
-    assert [notice.code for notice in notices] == ["gnss-height-steps"]
+    found = without_height_steps(UsedPositions(track(mixed)), lasting=True)
+    assert found.track.height_m == pytest.approx(flown(), abs=0.25)
+    assert found.levels_m == pytest.approx(abs(off_m), abs=0.2)
+    assert [notice.code for notice in found.notices] == ["gnss-height-steps"]
     fix = np.full(len(mixed), Fix.FIXED, np.int8)
     fix[first:end] = Fix.FLOAT
     for left in (replace(track(mixed), fix=fix), with_outliers()):
-        assert without_height_steps(left, notices, lasting=True) == (left, 0.0)
-    assert len(notices) == 1
+        positions = UsedPositions(left)
+        assert without_height_steps(positions, lasting=True) is positions
 
 
 def with_outliers() -> GnssTrack:
@@ -93,5 +87,5 @@ def with_outliers() -> GnssTrack:
 
 
 def test_heights_that_are_not_known__have_no_level() -> None:
-    unknown = track(np.full(300, np.nan))
-    assert without_height_steps(unknown, []) == (unknown, 0.0)
+    unknown = UsedPositions(track(np.full(300, np.nan)))
+    assert without_height_steps(unknown) is unknown

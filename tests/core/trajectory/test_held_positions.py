@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.held_positions import held_against_motion, measured_heights, without_held
-from furrowmap.core.trajectory.used_positions import positions_without_steps
+from furrowmap.core.trajectory.used_positions import UsedPositions, positions_without_steps
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 FloatArray = NDArray[np.float64]
@@ -59,8 +59,8 @@ def measured(seed: int = 0, noise_m: float = 0.005) -> FloatArray:
 
 
 def judged(track: GnssTrack, en_m: FloatArray | None = None) -> tuple[GnssTrack, list[Notice]]:
-    notices: list[Notice] = []
-    return held_against_motion(track, way() if en_m is None else en_m, notices), notices
+    found = held_against_motion(UsedPositions(track), way() if en_m is None else en_m)
+    return found.track, list(found.notices)
 
 
 @settings(max_examples=20, deadline=None)
@@ -138,12 +138,11 @@ def test_rounded_heights__have_the_standard_deviation_of_their_rounding(step_m: 
 def test_places_that_repeat_while_the_vehicle_goes_on__are_not_used(speed_mps: float) -> None:
     en_m = way()
     en_m[120:150] = en_m[119]
-    notices: list[Notice] = []
-    unused: dict[str, int] = {}
-    kept = without_held(log(measured(), en_m, speed_mps=speed_mps), unused, notices)
-    assert unused == {"held": 30}
+    found = without_held(UsedPositions(log(measured(), en_m, speed_mps=speed_mps)))
+    kept = found.track
+    assert found.unused == {"held": 30}
     assert len(kept) == N - 30
-    assert [notice.code for notice in notices] == ["gnss-frozen"]
+    assert [notice.code for notice in found.notices] == ["gnss-frozen"]
 
 
 @pytest.mark.parametrize("stop", [30, 150])
@@ -151,14 +150,14 @@ def test_places_that_a_receiver_holds_at_a_stand__are_used(stop: int) -> None:
     en_m = way()
     en_m[100 : 100 + stop] = en_m[100]
     en_m[100 + stop :] -= en_m[100 + stop] - en_m[100] - 0.1
-    notices: list[Notice] = []
-    kept = without_held(log(measured(), en_m), {}, notices)
+    found = without_held(UsedPositions(log(measured(), en_m)))
+    kept = found.track
     assert len(kept) == N
-    assert notices == []
+    assert found.notices == ()
 
 
 def test_rounded_places__are_not_held() -> None:
     en_m = np.round(way() / 1.8) * 1.8
-    notices: list[Notice] = []
-    assert len(without_held(log(measured(), en_m), {}, notices)) == N
-    assert notices == []
+    found = without_held(UsedPositions(log(measured(), en_m)))
+    assert len(found.track) == N
+    assert found.notices == ()

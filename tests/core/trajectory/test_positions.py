@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.trajectory.used_positions import (
     WHITE_SHARE,
-    judge_rate,
+    UsedPositions,
     jumps,
     offsets,
     positions_of,
+    rate_notices,
     sigmas_m,
     usable,
     white_noise_m,
@@ -50,14 +51,14 @@ def test_white_noise__is_what_was_added_to_either_kind_of_axes(sigma: float) -> 
 
 def test_positions__of_coarse_heights_have_the_noise_that_the_heights_show() -> None:
     track, en = noisy_track(0.006, 0.04, 0.06)
-    found = positions_of(track, en, np.full(N, 0.006), np.full(N, np.nan), offsets(track, en, []))
+    found = positions_of(track, en, np.full(N, 0.006), np.full(N, np.nan), offsets(track, en))
     np.testing.assert_allclose(found.white_m[:, 2], 0.04, rtol=0.07)
     np.testing.assert_allclose(np.hypot(found.white_m[:, 2], found.drift_m[:, 2]), 0.06, rtol=1e-9)
 
 
 def test_positions__of_smooth_heights_keep_the_usual_share_of_their_sigma() -> None:
     track, en = noisy_track(0.006, 0.002, 0.06)
-    found = positions_of(track, en, np.full(N, 0.006), np.full(N, np.nan), offsets(track, en, []))
+    found = positions_of(track, en, np.full(N, 0.006), np.full(N, np.nan), offsets(track, en))
     np.testing.assert_allclose(found.white_m[:, 2], WHITE_SHARE * 0.06)
 
 
@@ -67,9 +68,8 @@ def test_steps__of_a_drive_that_turns_and_stops_there_are_none() -> None:
     speed = np.clip(1.5 * np.sin(0.2 * s), -1.0, 1.5)
     course = 1.2 * np.sin(0.3 * s)
     driven = np.cumsum(0.1 * speed[:, None] * np.column_stack([np.cos(course), np.sin(course)]), axis=0)
-    notices: list[Notice] = []
-    found = offsets(track, driven + en - [1.2, 0.1] * s[:, None], notices)
-    assert notices == []
+    found = offsets(track, driven + en - [1.2, 0.1] * s[:, None])
+    assert found.notices == ()
     assert not found.off_m.any()
     assert not found.run.any()
 
@@ -82,9 +82,8 @@ def test_promise_12__float_positions_that_are_off_lose_their_place_and_keep_thei
     kept = ~((s >= 40.0) & (s < 40.0 + gap_s))
     sigma = np.where(floats, 0.11, 0.015)
     track = replace(track, fix=np.where(floats, Fix.FLOAT, Fix.FIXED).astype(np.int8), sigma_e_m=sigma, sigma_n_m=sigma)
-    notices: list[Notice] = []
-    found = offsets(track[kept], (en + off * floats[:, None])[kept], notices)
-    assert [notice.code for notice in notices] == ["gnss-steps"]
+    found = offsets(track[kept], (en + off * floats[:, None])[kept])
+    assert [notice.code for notice in found.notices] == ["gnss-steps"]
     np.testing.assert_array_equal(found.off_m > 0.0, floats[kept])
     assert found.off_m.max() == pytest.approx(1.5, abs=0.05)
     used = positions_of(track[kept], en[kept], np.full(kept.sum(), 0.006), np.full(kept.sum(), np.nan), found)
@@ -97,8 +96,9 @@ def test_promise_12__fixed_positions_that_jump_for_seconds_are_the_fewer_ones() 
     track, en = noisy_track(0.006, 0.01, 0.05)
     s = TIMES_S - TIMES_S[0]
     jumped = (s >= 100.0) & (s < 103.0)
-    track, en = without_jumps(track, en + jumped[:, None] * [0.0, 1.0], {}, [])
-    found = offsets(track, en, [])
+    positions, en = without_jumps(UsedPositions(track), en + jumped[:, None] * [0.0, 1.0])
+    track = positions.track
+    found = offsets(track, en)
     np.testing.assert_array_equal(found.off_m > 0.0, jumped[np.isin(TIMES_S, track.t_s)])
     assert len(np.unique(found.run)) == 3
 
@@ -141,14 +141,13 @@ def test_sigmas__are_the_stated_ones_where_they_are_positive(
     ("interval_s", "codes"), [(0.2, []), (0.249, []), (0.26, ["gnss-rate"]), (1.99, ["gnss-rate"])]
 )
 def test_rate__is_told_below_four_positions_a_second(interval_s: float, codes: list[str]) -> None:
-    notices: list[Notice] = []
-    judge_rate(some(*[Fix.FIXED] * 9, interval_s=interval_s), notices)
+    notices = rate_notices(some(*[Fix.FIXED] * 9, interval_s=interval_s))
     assert [notice.code for notice in notices] == codes
 
 
 def test_rate__of_more_than_two_seconds_is_refused() -> None:
     with pytest.raises(RefusedError, match=r"positions come every 2\.1 s") as caught:
-        judge_rate(some(*[Fix.FIXED] * 9, interval_s=2.06), [])
+        rate_notices(some(*[Fix.FIXED] * 9, interval_s=2.06))
     assert caught.value.code == "gnss-rate"
 
 
@@ -165,13 +164,12 @@ def test_rate__of_more_than_two_seconds_is_refused() -> None:
 def test_usable__are_fixed_and_float_ones_or_the_best_or_the_wanted(
     fixes: list[Fix], wanted: tuple[Fix, ...] | None, used: int, codes: list[str]
 ) -> None:
-    notices: list[Notice] = []
-    found, unused = usable(some(*fixes), wanted, notices)
-    assert (len(found), sum(unused.values())) == (used, len(fixes) - used)
-    assert [notice.code for notice in notices] == codes
-    assert not {Fix(fix).label for fix in found.fix.tolist()} & set(unused)
+    found = usable(some(*fixes), wanted)
+    assert (len(found.track), sum(found.unused.values())) == (used, len(fixes) - used)
+    assert [notice.code for notice in found.notices] == codes
+    assert not {Fix(fix).label for fix in found.track.fix.tolist()} & set(found.unused)
     if codes:
-        assert "(most are float)" in notices[0].text
+        assert "(most are float)" in found.notices[0].text
 
 
 NO_HEIGHTS = "gnss-no-heights"
@@ -194,7 +192,7 @@ def test_fewer_than_two_usable_positions__are_refused_with_the_reason(
 ) -> None:
     height = np.where(np.arange(len(fixes)) < heights, 100.0, np.nan)
     with pytest.raises(InputError, match=words.replace("(", r"\(").replace(")", r"\)")) as caught:
-        usable(some(*fixes, height_m=height), wanted, [])
+        usable(some(*fixes, height_m=height), wanted)
     assert caught.value.code == code
 
 
@@ -247,11 +245,10 @@ def test_step__is_beyond_what_brakes_and_standard_deviations_allow(sigma_m: floa
         )
         en = np.zeros((n, 2))
         en[30:, 1] = times * most_m
-        notices: list[Notice] = []
-        found = offsets(track, en, notices)
+        found = offsets(track, en)
         np.testing.assert_allclose(found.off_m, np.where((np.arange(n) >= 30) & told, times * most_m, 0.0), rtol=1e-6)
         assert found.run.tolist() == [*30 * [0], *10 * [int(told)]]
-        assert bool(notices) is told
+        assert bool(found.notices) is told
 
 
 @pytest.mark.parametrize(("pause", "told"), [(5.4, True), (5.6, False)])
@@ -261,14 +258,14 @@ def test_step__after_more_than_five_and_a_half_usual_ones_shows_nothing(pause: f
     track = replace(track, t_s=track.t_s + np.where(np.arange(n) >= 30, 0.1 * (pause - 1.0), 0.0))
     en = np.zeros((n, 2))
     en[30:, 0] = 3.0
-    assert offsets(track, en, []).off_m.any() == told
+    assert offsets(track, en).off_m.any() == told
 
 
 @pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
 def test_step__of_fewer_than_ten_positions_is_not_looked_for(count: int, told: bool) -> None:
     en = np.zeros((count, 2))
     en[count - 2 :, 0] = 3.0
-    assert offsets(some(*[Fix.FIXED] * count), en, []).off_m.any() == told
+    assert offsets(some(*[Fix.FIXED] * count), en).off_m.any() == told
 
 
 @pytest.mark.parametrize(

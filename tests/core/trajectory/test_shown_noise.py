@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.inertial_checks import densities, with_shown_noise
 from furrowmap.core.trajectory.shown_errors import likeliest
 from furrowmap.core.values.inertial import InertialTrack
@@ -51,9 +50,9 @@ def test_density__is_that_of_the_quietest_band(low: float, high: float) -> None:
 def test_density__needs_256_measurements(count: int, known: bool) -> None:
     track = white(count, 100.0)
     assert (min(densities(track)) > 0.0) is known
-    notices: list[Notice] = []
     tiny = replace(INDUSTRIAL, rate=1e-9, force=1e-9)
-    assert (with_shown_noise(tiny, track, notices) is tiny) is not known
+    found, notices = with_shown_noise(tiny, track)
+    assert (found is tiny) is not known
     assert bool(notices) is known
 
 
@@ -72,8 +71,7 @@ def test_noise__is_what_is_shown_from_one_and_a_half_times_on(
     track = white(3_000, 50.0)
     shown = densities(track)
     stated = replace(INDUSTRIAL, rate=shown[0] / rate_times, force=shown[1] / force_times)
-    notices: list[Notice] = []
-    found = with_shown_noise(stated, track, notices)
+    found, notices = with_shown_noise(stated, track)
     expected = (shown[0] if rate_times > 1.5 else stated.rate, shown[1] if force_times > 1.5 else stated.force)
     assert (found.rate, found.force) == expected
     assert replace(found, rate=stated.rate, force=stated.force) == stated
