@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 import furrowmap
-from furrowmap.cli.command_options import FILE, command, flag, numbers, option, output, overwrite
+from furrowmap.cli.command_options import FILE, DescribedCommand, command, flag, numbers, option, output, overwrite
 from furrowmap.cli.console import Console
 from furrowmap.cli.result_tables import table
 from furrowmap.core.runtime.errors import UsageError, printable
@@ -24,7 +24,7 @@ MIN_CORNERS: Final = 3
 _FACING_ASSUMED: Final = "not determined: too little relief, and nothing upright stands out"
 
 
-class WithMount(click.Command):
+class WithMount(DescribedCommand):
     """A command whose first word may be that of another one: no session file is called so."""
 
     def make_context(

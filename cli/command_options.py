@@ -2,6 +2,7 @@
 
 import logging
 import math
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from difflib import get_close_matches
@@ -31,6 +32,7 @@ VALUE_TYPES: Final[Mapping[str, click.ParamType[Any] | type]] = {
     "DAY": click.DateTime(["%Y-%m-%d"]),
 }
 """Type of the value by the metavar of an option; text for others."""
+JSON_HELP: Final = "Print the result as JSON to standard output."
 POSITION_METAVAR: Final = "LAT,LON,HEIGHT"
 NUMBER_LISTS: Final[
     Mapping[str, tuple[int | None, Callable[[list[float]], bool], Words, Callable[[list[float]], object]]]
@@ -55,6 +57,50 @@ class LabelledOption(click.Option):
         self.label = label
 
 
+class CommonOption(LabelledOption):
+    """An option that every command has: the help of a command only names these."""
+
+
+class DescribedCommand(click.Command):
+    """A command whose help describes its own options, and names those that every command has."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write both."""
+        help_option = self.get_help_option(ctx)
+        options = [each for each in self.get_params(ctx) if isinstance(each, click.Option)]
+        common = [each for each in options if isinstance(each, CommonOption) or each is help_option]
+        describe_options("Options", [each for each in options if each not in common], ctx, formatter)
+        with formatter.section("Options of every command, which `furrowmap --help` describes"):
+            indent = " " * formatter.current_indent
+            names = ", ".join(each.opts[-1] for each in common)
+            wrapped = textwrap.fill(
+                names, formatter.width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
+            )
+            formatter.write(f"{wrapped}\n")
+
+
+def describe_options(
+    title: str, options: Sequence[click.Option], ctx: click.Context, formatter: click.HelpFormatter
+) -> None:
+    """Write a section of a help text, if there is any option."""
+    records = [record for option in options if (record := option.get_help_record(ctx)) is not None]
+    if records:
+        with formatter.section(title):
+            formatter.write_dl(records)
+
+
+def describe_common_options(ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    """Write the section of a help text with the options of every command."""
+    described = command("")(_nothing)
+    described_ctx = click.Context(described, parent=ctx)
+    options = [each for each in described.get_params(described_ctx) if isinstance(each, click.Option)]
+    describe_options("Options of every command", options, described_ctx, formatter)
+
+
+def _nothing() -> None:
+    """A command without options of its own."""
+
+
 class CommandGroup(click.Group):
     """A command group whose error for an unknown command suggests the nearest one."""
 
@@ -75,12 +121,12 @@ def command(
     summary: str,
     *examples: str,
     group: Any = click,
-    json_help: str = "Print the result as JSON to standard output.",
+    json_help: str = "",
     **facts: Any,
 ) -> Callable[[Command], click.Command]:
     """A command, which gets a Console first, with the options that all have; the help begins with the summary.
 
-    `json_help` is the help of --json.
+    `json_help` is the help of --json where it prints something else than the result.
     """
 
     def decorate(function: Command) -> click.Command:
@@ -114,8 +160,8 @@ def command(
         for common in reversed(_common_options(json_help)):
             common(called)
         called.__dict__["__click_params__"] += own
-        epilog = _epilog(examples)
-        made: click.Command = group.command(short_help=summary, epilog=epilog, **facts)(called)
+        described = {"cls": DescribedCommand, "short_help": summary, "epilog": _epilog(examples)}
+        made: click.Command = group.command(**described | facts)(called)
         return made
 
     return decorate
@@ -134,17 +180,23 @@ def _epilog(examples: Sequence[str]) -> str:
 def _common_options(json_help: str) -> Sequence[Decorator]:
     threads = "Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8]."
     language = "Language of errors, warnings and reports [default: FURROWMAP_LANG, else en]."
+    quiet = {"is_flag": True, "help": "Show only warnings and errors, and no progress bar."}
+    verbose = {"count": True, "help": "Log every step to standard error; -vv includes libraries."}
     return (
-        flag("--json", json_help, "as_json"),
-        click.option("-q", "--quiet", is_flag=True, help="Show only warnings and errors, and no progress bar."),
-        click.option("-v", "--verbose", count=True, help="Log every step to standard error; -vv includes libraries."),
-        option("--log-file", "FILE", "Append a log with timestamps to this file."),
-        option("--threads", "N", threads, minimum=1),
-        option("--lang", "", language, "language", choices=LANGUAGES),
-        flag("--allow-large", "Unpack files of any size."),
-        flag("--allow-damaged", "Read the undamaged parts of damaged clouds."),
-        flag("--debug", "Print a traceback on error."),
+        flag("--json", json_help, "as_json") if json_help else _common(Option("--json", "", JSON_HELP), "as_json"),
+        click.option("-q", "--quiet", cls=CommonOption, **quiet),
+        click.option("-v", "--verbose", cls=CommonOption, **verbose),
+        _common(Option("--log-file", "FILE", "Append a log with timestamps to this file.")),
+        _common(Option("--threads", "N", threads, minimum=1)),
+        _common(Option("--lang", "", language, choices=LANGUAGES), "language"),
+        _common(Option("--allow-large", "", "Unpack files of any size.")),
+        _common(Option("--allow-damaged", "", "Read the undamaged parts of damaged clouds.")),
+        _common(Option("--debug", "", "Print a traceback on error.")),
     )
+
+
+def _common(option: Option, parameter: str = "") -> Decorator:
+    return _click_option(option, parameter, kind=CommonOption)
 
 
 def option(name: str, metavar: str, text: str, parameter: str = "", **facts: Any) -> Decorator:
@@ -191,7 +243,9 @@ def settings_options(settings: type, parameter: str = "settings") -> Decorator:
     return decorate
 
 
-def _click_option(option: Option, parameter: str, *short: str) -> Decorator:
+def _click_option(
+    option: Option, parameter: str, *short: str, kind: type[LabelledOption] = LabelledOption
+) -> Decorator:
     if not (option.metavar or option.choices):
         facts: dict[str, Any] = {"is_flag": True}
     else:
@@ -200,7 +254,7 @@ def _click_option(option: Option, parameter: str, *short: str) -> Decorator:
         if option.metavar not in NUMBER_LISTS and option.default not in (None, ()):
             facts |= {"default": option.default, "show_default": True}
     names = [*short, option.name, *([parameter] if parameter else [])]
-    return click.option(*names, cls=LabelledOption, label=option.label, help=option.help, **facts)
+    return click.option(*names, cls=kind, label=option.label, help=option.help, **facts)
 
 
 def _type(option: Option) -> Any:

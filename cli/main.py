@@ -13,7 +13,7 @@ from typing import Any, Final, NoReturn
 
 import click
 
-from furrowmap.cli.command_options import CommandGroup
+from furrowmap.cli.command_options import CommandGroup, describe_common_options
 from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, drop_interrupt
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
@@ -52,6 +52,11 @@ class Commands(CommandGroup):
         module = import_module(f"furrowmap.cli.{COMMANDS[cmd_name]}")
         command: click.Command = getattr(module, cmd_name.replace("-", "_"))
         return command
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, the commands, and the options of every command."""
+        super().format_options(ctx, formatter)
+        describe_common_options(ctx, formatter)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; on an interruption, click itself would print an empty line first."""

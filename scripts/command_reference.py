@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import inspect
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -12,6 +10,7 @@ from typing import Final
 import click
 
 from furrowmap.cli.calibrate_commands import mount
+from furrowmap.cli.command_options import CommonOption, describe_common_options
 from furrowmap.cli.main import COMMANDS, furrowmap
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "commands.md"
@@ -33,22 +32,16 @@ Results go to standard output; progress, warnings and errors go to standard erro
 
 An error message has three lines: what is wrong and where, what that means, and what to do.
 
-`furrowmap COMMAND --help` describes all options of a command; so do the algorithms in QGIS.
+`furrowmap COMMAND --help` describes the options of a command; so do the algorithms in QGIS.
 """
 
 
 WIDTH: Final = {"terminal_width": 100, "max_content_width": 100}
-COMMON: Final = 20
-"""An option that at least so many commands have alike is described once."""
 
 
 def page() -> str:
     """The generated page."""
-    commands = dict(all_commands())
-    uses = Counter(_key(option) for command in commands.values() for option in command.params)
-    common = {key for key, number in uses.items() if number >= COMMON}
-    sections = [HEAD, _common(next(c for c in commands.values() if common <= set(map(_key, c.params))), common)]
-    return "\n".join([*sections, *(section(name, command, common) for name, command in commands.items())])
+    return "\n".join([HEAD, _common(), *(section(name, command) for name, command in all_commands())])
 
 
 def all_commands() -> Iterator[tuple[str, click.Command]]:
@@ -64,9 +57,11 @@ def all_commands() -> Iterator[tuple[str, click.Command]]:
             yield from ((f"furrowmap {name} {below_name}", below) for below_name, below in command.commands.items())
 
 
-def section(name: str, command: click.Command, common: set[str]) -> str:
+def section(name: str, command: click.Command) -> str:
     """A command: its usage, what it does, the names of its options and its examples."""
-    own = [option for option in command.params if isinstance(option, click.Option) and _key(option) not in common]
+    own = [
+        option for option in command.params if isinstance(option, click.Option) and not isinstance(option, CommonOption)
+    ]
     names = ", ".join(f"`{max(option.opts, key=len)}`" for option in own)
     text = [f"## {name}", f"```text\n{_usage(name, command)}\n```", _paragraphs(command)]
     if isinstance(command, click.Group):
@@ -93,17 +88,12 @@ def _paragraphs(command: click.Command) -> str:
     return "\n\n".join(" ".join(part.split()) for part in parts)
 
 
-def _common(command: click.Command, common: set[str]) -> str:
-    shown = copy.copy(command)
-    shown.params = [option for option in command.params if _key(option) in common]
-    context = click.Context(shown, help_option_names=["-h", "--help"], **WIDTH)
+def _common() -> str:
+    context = click.Context(furrowmap, help_option_names=["-h", "--help"], **WIDTH)
     formatter = context.make_formatter()
-    shown.format_options(context, formatter)
-    return f"## Options of most commands\n\n```text\n{formatter.getvalue().strip()}\n```\n"
-
-
-def _key(option: click.Parameter) -> str:
-    return f"{option.opts} {getattr(option, 'help', None)}"
+    describe_common_options(context, formatter)
+    _, _, described = formatter.getvalue().strip().partition("\n")
+    return f"## Options of every command\n\n```text\n{described}\n```\n"
 
 
 if __name__ == "__main__":

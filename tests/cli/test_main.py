@@ -32,6 +32,37 @@ def test_help__of_each_command_shows_an_example(command: str, capsys: pytest.Cap
     assert f"Example:\n    furrowmap {command} " in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("command", [*COMMANDS, "calibrate mount", "gnss solve", "farm add"])
+def test_help__describes_the_commands_own_options_and_names_the_others(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command_line([*command.split(), "--help"]) == 0
+    own, _, rest = capsys.readouterr().out.partition("\nOptions of every command")
+    rows = re.findall(r"^  (?:-\w, )?--([\w-]+)", own, re.MULTILINE)
+    assert not {"quiet", "verbose", "log-file", "threads", "lang", "allow-large", "allow-damaged", "debug"} & set(rows)
+    named = rest.partition("\n\n")[0].split("describes:")[-1].count("--")
+    assert named in (9, 10) or "COMMAND ..." in own or command == "worker"
+
+
+def test_help__describes_once_what_every_command_has(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line(["--help"]) == 0
+    commands, _, described = capsys.readouterr().out.partition("\nOptions of every command:\n")
+    assert "--threads" not in commands
+    rows = re.findall(r"^  (?:-\w, )?(--[\w-]+).*?  \w", described, re.MULTILINE)
+    assert rows == [
+        "--json",
+        "--quiet",
+        "--verbose",
+        "--log-file",
+        "--threads",
+        "--lang",
+        "--allow-large",
+        "--allow-damaged",
+        "--debug",
+        "--help",
+    ]
+
+
 def test_help__imports_nothing_heavy() -> None:
     code = (
         "import sys; from furrowmap.cli.main import command_line; command_line(['--help']);"
