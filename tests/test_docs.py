@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 import pytest
@@ -17,9 +18,13 @@ from packaging.requirements import Requirement
 from furrowmap.core.session.session_file import FURTHER, parse_session
 from furrowmap.core.values.session import Session
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 DOCS = CHECKOUT / "docs"
 PAGES = sorted([*CHECKOUT.glob("*.md"), *DOCS.rglob("*.md")])
+PHONE_PX = 360
 PAGE_IDS = [p.relative_to(CHECKOUT).as_posix() for p in PAGES]
 
 
@@ -49,9 +54,12 @@ def test_navigation__lists_every_page_once() -> None:
     assert sorted(listed) == sorted(p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md"))
 
 
-def test_site__builds_without_a_warning(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the site, built without a warning."""
+    folder = tmp_path_factory.mktemp("site")
     subprocess.run([sys.executable, CHECKOUT / "scripts" / "layout.py"], check=True)
-    build = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(tmp_path)]
+    build = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(folder)]
     done = subprocess.run(
         build,
         cwd=CHECKOUT,
@@ -62,7 +70,51 @@ def test_site__builds_without_a_warning(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "semantic versioning" in (tmp_path / "reference" / "api" / "index.html").read_text(encoding="utf-8")
+    return folder
+
+
+def test_site__describes_the_python_api(site: Path) -> None:
+    assert "semantic versioning" in (site / "reference" / "api.html").read_text(encoding="utf-8")
+
+
+def test_site__begins_with_the_picture_of_a_map(site: Path) -> None:
+    page = (site / "index.html").read_text(encoding="utf-8")
+    picture = re.search(r'<img alt="Map of a drive[^"]*" src="([^"]+)"', page)
+    assert picture is not None
+    assert (site / picture[1]).is_file()
+    assert page.index(picture[0]) < page.index("<table>")
+
+
+def test_site__opens_from_the_disk(site: Path) -> None:
+    """Links lead to files: no web server makes an index.html of a folder."""
+    for page in (site / "index.html", site / "how-to" / "install.html"):
+        links = set(re.findall(r'href="([^"#:?]+)[^":]*"', page.read_text(encoding="utf-8")))
+        assert len(links) > 50
+        assert [link for link in links if not (page.parent / link).is_file()] == []
+
+
+def test_site__is_no_wider_than_a_phone(site: Path, browser: Browser) -> None:
+    """Wide tables, code and pictures scroll by themselves, or become smaller."""
+    phone = browser.new_context(viewport={"width": PHONE_PX, "height": 740}, is_mobile=True, has_touch=True)
+    shown = phone.new_page()
+    widths = {}
+    for page in sorted(site.rglob("*.html")):
+        shown.goto(page.as_uri())
+        widths[page.name] = shown.evaluate("document.documentElement.scrollWidth")
+    phone.close()
+    assert len(widths) > 90
+    assert {name: width for name, width in widths.items() if width > PHONE_PX} == {}
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "how-to").glob("*.md")), ids=lambda page: page.stem)
+def test_how_to__begins_with_what_one_has_and_gets(page: Path) -> None:
+    title, have_and_get, _ = page.read_text(encoding="utf-8").split("\n\n", 2)
+    assert title.startswith("# ")
+    lines = [" ".join(line.split()) for line in re.split(r"^- ", have_and_get, flags=re.MULTILINE)[1:]]
+    assert len(lines) == 2
+    assert lines[0].startswith("**You have** ")
+    assert lines[1].startswith("**You get** ")
+    assert [line for line in lines if len(line.split()) > 32 or not line.endswith(".")] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=PAGE_IDS)
