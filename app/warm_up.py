@@ -33,6 +33,8 @@ LAST_SHARE: Final = 1 / 6
 """Of the last kernels the other process begins with the last one: a command that has caught up compiles the others."""
 KERNELS_A_SECOND: Final = 1
 """Compiled by one process, what they call included, on a slow computer; for an estimate."""
+WORTH_SAYING_S: Final = 5.0
+"""Compilation that takes less than this is not reported."""
 
 
 def warm_up(commands: Collection[str] = (), progress: Progress = silent) -> int:
@@ -72,8 +74,9 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
         nonlocal helper
         own = _listed([command]) if command else {}
         seconds = sum(map(len, (own or _listed([MOST_KERNELS])).values())) / KERNELS_A_SECOND / threads()
-        text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. "
-        say(translated(text + "furrowmap warm-up compiles everything in advance.", language_of_user()))
+        if seconds >= WORTH_SAYING_S:
+            text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. "
+            say(translated(text + "furrowmap warm-up compiles everything in advance.", language_of_user()))
         if command and own and threads() > 1:
             options = ["--quiet", "--threads", str(threads() - 1)]
             helper = subprocess.Popen(  # noqa: S603 (this interpreter)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -16,6 +16,19 @@ from furrowmap.core.runtime.settings import language_of_user
 
 if TYPE_CHECKING:
     from furrowmap import Examined, Inspection
+
+_SIMULATED: Final = {
+    "duration_s": "recorded",
+    "distance_driven_m": "driven",
+    "length_m": "distance",
+    "field_area_m2": "field",
+    "passes": "passes",
+    "worked_area_m2": "worked",
+    "overlap_area_m2": "worked twice",
+    "transitions": "tool raised or lowered",
+    "parcels": "parcels",
+}
+"""Figures of a simulation that a terminal shows, and their names there; truth/figures.json has all."""
 
 
 @command("Write a session file for a recording.", "furrowmap init recording.pcap.gz gnss.nmea")
@@ -210,6 +223,8 @@ def simulate(console: Console, scenario: Path, output: Path, *, overwrite: bool)
     with console.work() as progress:
         simulated = furrowmap.simulate(scenario, output, overwrite=overwrite, progress=progress)
     session = printable(str(simulated.session))
-    shown = {name: value for name, value in simulated.figures.items() if not isinstance(value, dict)}
-    words = f"{table(figures(shown))}\nWrote {session} and its files. Next: furrowmap run {session}"
+    rows = figures({key: simulated.figures[key] for key in _SIMULATED if key in simulated.figures})
+    names = [name for key, name in _SIMULATED.items() if key in simulated.figures]
+    shown = [(name, value) for name, (_, value) in zip(names, rows, strict=True)]
+    words = f"{table(shown)}\nWrote {session} and its files. Next: furrowmap run {session}"
     console.answer({"folder": simulated.folder, "session": simulated.session, "figures": simulated.figures}, words)

@@ -35,6 +35,7 @@ def main(folder: str = ".venv", group: str = "dev", constraints: str = "constrai
     # An environment whose interpreter is gone, or whose checkout was moved, is made anew.
     whole = python.exists() and subprocess.run([python, "-m", "pip", "--version"], capture_output=True, check=False)
     if not whole or whole.returncode != 0:
+        print(f"Installing furrowmap and its libraries into {folder}: about a minute.", flush=True)
         venv.create(CHECKOUT / folder, clear=True, with_pip=True, symlinks=os.name != "nt")
     install = [python, "-m", "pip", "install", "-qq"]
     subprocess.run([*install, "--constraint", "constraints.txt", "--upgrade", "pip"], cwd=CHECKOUT, check=True)
