@@ -10,6 +10,7 @@ from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import geopandas as gpd
 import laspy
@@ -21,6 +22,8 @@ from playwright.sync_api import Browser
 
 import furrowmap
 from furrowmap.core.values.clock import las_time_to_utc
+from furrowmap.exporters.reports.drawings import ACTIVITIES
+from furrowmap.exporters.reports.html_pages import duration_words
 from tests.test_end_to_end import TRACTORS, RunOnce, rover_session, session_folder, tool_module
 
 AREA_LAYERS = ("zones", "passes", "coverage", "overlaps", "misses")
@@ -101,6 +104,29 @@ def test_report__tells_the_layers_areas(result: Callable[[str], Result], name: s
     hours = figures["hours"]
     assert sum(value for name, value in hours.items() if name != "field_s") == pytest.approx(hours["field_s"], abs=0.3)
     assert figures["passes"] == len(gpd.read_file(found.folder / "field.gpkg", layer="passes"))
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_report__shows_the_hours_of_its_tiles_as_bars(result: Callable[[str], Result], name: str) -> None:
+    """The time of an activity is that of its bars, as a reader measures them along the axis."""
+    found = result(name)
+    page = (found.folder / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
+    graph = re.search(r'<svg [^>]*aria-label="Activity over time">.*?</svg>', page)
+    assert graph is not None
+    root = ElementTree.fromstring(graph[0])
+    ticks = [(text.text or "", float(text.attrib["x"])) for text in root.iter("text")]
+    known = [(60.0 * int(t.split(":")[0]) + int(t.split(":")[1]), x) for t, x in ticks if re.match(r"\d+:\d\d$", t)]
+    s_per_unit = (known[-1][0] - known[0][0]) / (known[-1][1] - known[0][1])
+    hours = found.report["figures"]["hours"]
+    for activity, key, tile in (
+        ("working", "working_s", None),
+        ("turning or reversing", "turning_s", "turning and reversing"),
+        ("standing", "idle_s", "standing"),
+    ):
+        bars = [bar for bar in root.iter("rect") if bar.attrib["fill"] == ACTIVITIES[activity]]
+        drawn_s = s_per_unit * sum(float(bar.attrib["width"]) for bar in bars)
+        assert drawn_s == pytest.approx(hours[key], abs=0.5)
+        assert tile is None or f"<b>{duration_words(hours[key])}</b><span>{tile}</span>" in page
 
 
 @pytest.mark.parametrize("name", TRACTORS)

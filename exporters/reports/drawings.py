@@ -33,6 +33,8 @@ from furrowmap.exporters.reports.svg import (
 )
 
 MAP_MARGIN_M: Final = 2.0
+SMALL_HEIGHT: Final = 320.0
+"""Height of a map beside others, near that of the page: its scale bar stays readable."""
 MAX_NUMBERED_PASSES: Final = 60
 """More passes have no numbers on the map."""
 PASS_COLOURS: Final = np.array([[253, 212, 158], [120, 198, 121], [34, 94, 168]])
@@ -115,7 +117,7 @@ def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: NDArray[np.u
 
 def quality_map(poses: ScanPoses) -> Markup:
     """The vehicle's path, coloured by the quality of the positions."""
-    sheet = Sheet(map_box(poses, FieldWork()))
+    sheet = Sheet(map_box(poses, FieldWork()), SMALL_HEIGHT)
     parts = [sheet.line(part, "fix", stroke=fix_colour(fix)) for fix, part in _runs(poses, poses.fix)]
     return sheet.svg(parts, "The vehicle's path, coloured by the quality of the positions")
 
@@ -212,7 +214,7 @@ def quality_graph(poses: ScanPoses) -> Markup:
     if not np.isfinite(sigma_m).any():
         return drawing(WIDTH, 52.0, [*parts, *time.labels(14.0)], "Quality of the positions over time")
     axis = Axis(0.0, max(0.01, float(np.nanquantile(sigma_m, 0.99)) * 1.3), 130.0, 20.0)
-    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm", "standard deviation")
+    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm", "sigma")
     parts += curve(time.at(poses.t_s), np.maximum(axis.at(sigma_m), 20.0))
     parts += time.labels(130.0)
     return drawing(WIDTH, 168.0, parts, "Quality and accuracy of the positions over time")

@@ -23,7 +23,7 @@ from furrowmap.core.runtime.write_errors import scratch_directory, writing_scrat
 from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.reports.area_units import HECTARE, area, in_area_unit, work_rate
-from furrowmap.exporters.reports.page_language import in_language
+from furrowmap.exporters.reports.page_language import in_language, unbroken
 
 BROWSER_VARIABLE: Final = "FURROWMAP_BROWSER"
 """Variable of the environment with the path of a browser of the Chromium family."""
@@ -95,7 +95,7 @@ def write_pdf(path: Path, page: str) -> None:
 
 def write_html(path: Path, page: str, language: str | None = None, area_unit: str = HECTARE) -> None:
     """Write a page of ours in a language, by default the user's, and with areas in a unit."""
-    text = in_language(in_area_unit(page, area_unit), language or language_of_user())
+    text = unbroken(in_language(in_area_unit(page, area_unit), language or language_of_user()))
     with atomic_output(path) as unfinished:
         unfinished.write_text(text, encoding="utf-8", errors="xmlcharrefreplace", newline="")
 

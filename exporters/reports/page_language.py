@@ -21,11 +21,15 @@ _META: Final = re.compile(rf'<meta name="{KEPT}" content="([^"]*)">\n')
 _SAID: Final = re.compile(r'\b(alt|aria-label)="([^"]*)"')
 _MARK: Final = "⟦{}⟧"
 _MARKED_FIGURE: Final = re.compile(r"⟦(\d+)⟧")
+_NO_BREAK: Final = "\u00a0"
+_UNITS: Final = "%|mm²?|cm|m[²³]?|km|ha|acres?|a|(?:k?m|ha|a|acres?)/h|m/s|ms|s|min|h|kg/ha|点|秒|分|時間|行程"
+_INSIDE_FIGURE: Final = re.compile(rf"(?<=\d) (?=±)|(?<=±) (?=\d)|(?<=\d) (?=(?:{_UNITS})(?![A-Za-z0-9/]))")
+"""The spaces of a figure, between value, ± and unit."""
 
 
 def in_language(page: str, language: str) -> str:
-    """A page of ours in a language; ValueError if there is no such language."""
-    page = _english(page)
+    """A page of ours in a language, its figures with plain spaces; ValueError if there is no such language."""
+    page = _english(page.replace(_NO_BREAK, " "))
     if language == ENGLISH:
         return page
     kept: list[tuple[int, str]] = []
@@ -50,6 +54,12 @@ def _english(page: str) -> str:
     page = page.replace(found[0], "", 1)
     page = re.sub(r'<html lang="[a-z]+">', '<html lang="en">', page, count=1)
     return map_texts(page, lambda number, text: str(kept.get(number, text)))
+
+
+def unbroken(page: str) -> str:
+    """A page whose figures stay on one line: "33.43 ± 0.21 m²", "95 %"."""
+    pieces = _PIECES.split(page)
+    return "".join(piece if k % 2 else _INSIDE_FIGURE.sub(_NO_BREAK, piece) for k, piece in enumerate(pieces))
 
 
 def map_texts(page: str, change: Callable[[int, str], str]) -> str:

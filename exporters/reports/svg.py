@@ -68,15 +68,16 @@ def drawing(width: float, height: float, parts: Iterable[str], title: str) -> Ma
 
 @dataclass(frozen=True)
 class Sheet:
-    """The area of a map, in the largest scale that fits a drawing."""
+    """The area of a map, in the largest scale that fits a drawing of some height."""
 
     box_m: Box
+    max_height: float = MAX_HEIGHT
 
     @property
     def scale(self) -> float:
         """Units per metre."""
         west, south, east, north = self.box_m
-        return min(WIDTH / (east - west), MAX_HEIGHT / (north - south))
+        return min(WIDTH / (east - west), self.max_height / (north - south))
 
     @property
     def size(self) -> tuple[float, float]:

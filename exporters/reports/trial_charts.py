@@ -19,15 +19,15 @@ from furrowmap.core.runtime.languages.texts import ENGLISH
 from furrowmap.exporters.reports.page_language import map_texts, text_in
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Number, corners, drawing, element, rectangle, segment
 
-CHART_HEIGHT: Final = 400.0
+CHART_HEIGHT: Final = 424.0
 GROUP_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#444444")
 """Okabe and Ito (2008), which all readers can tell apart, without yellow."""
 _LEFT: Final = 74.0
 _RIGHT: Final = WIDTH - 14.0
 _TOP: Final = 34.0
 _BOTTOM: Final = 320.0
-_KEYS: Final = (6.0, 190.0, 315.0, 570.0)
-"""Where the keys of a curve begin: with room for their words in every language."""
+_KEYS: Final = ((6.0, 36.0), (330.0, 36.0), (6.0, 12.0), (500.0, 12.0))
+"""Where the keys of a curve begin, and their height above the edge: with room for the large letters of a phone."""
 _INK: Final = "#333333"
 _PALE: Final = "#dddddd"
 _RIVAL: Final = "#8c6d31"
@@ -94,7 +94,6 @@ def _optimum(x: Axis, optimum: Estimate, highest: float) -> Iterable[str]:
 
 def _curve_legend(response: Response) -> Iterable[str]:
     """What lines, band and dashes are, below the axis."""
-    y = CHART_HEIGHT - 12.0
     optimum = "economic optimum, 95 %" if response.economic is not None else "dose beyond which nothing is gained, 95 %"
     keys = [
         (MODEL_WORDS[response.models[0].name], _INK, {}),
@@ -102,8 +101,9 @@ def _curve_legend(response: Response) -> Iterable[str]:
         (optimum, _GREEN, {"stroke_dasharray": "5 4"}),
     ]
     if any(rival.weight >= MIN_WEIGHT for rival in response.models[1:]):
-        keys.append(("rivals", _RIVAL, {}))
-    for at, (words, colour, look) in zip(_KEYS, keys, strict=False):
+        keys.append(("others", _RIVAL, {}))
+    for (at, above), (words, colour, look) in zip(_KEYS, keys, strict=False):
+        y = CHART_HEIGHT - above
         yield segment(at, y - 4, at + 18, y - 4, stroke=colour, stroke_width=3, **look)
         yield _text(at + 24, y, words)
 

@@ -18,7 +18,7 @@ from furrowmap.exporters.reports.area_units import (
     rate_words,
     work_rate,
 )
-from furrowmap.exporters.reports.page_language import in_language, language_of
+from furrowmap.exporters.reports.page_language import in_language, language_of, unbroken
 from tests.exporters.reports.page_texts import texts
 
 PAGE = in_area_unit(
@@ -103,3 +103,29 @@ def test_units__are_the_same_area() -> None:
 def test_page__that_a_name_imitates_keeps_its_figures() -> None:
     page = in_area_unit(PAGE.replace("beside the barn", html.escape('⟦area x⟧ <data value="1">')), "acre")
     assert "⟦area x⟧ &lt;data value=&quot;1&quot;&gt;" in in_language(page, "ja")
+
+
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [
+        ("33.43 ± 0.21 m² worked", ["33.43 ± 0.21 m²", "worked"]),
+        ("missed (± 95 %)", ["missed", "(± 95 %)"]),
+        ("± 0.29°, ± 0.17°", ["± 0.29°,", "± 0.17°"]),
+        ("4.2 s in 3 passes, 0.21 ha/h", ["4.2 s", "in", "3", "passes,", "0.21 ha/h"]),
+        ("95 %信頼区間、3 行程", ["95 %信頼区間、3 行程"]),
+        ("2 mm of 3 metres", ["2 mm", "of", "3", "metres"]),
+    ],
+)
+def test_figures__stay_on_one_line(text: str, lines: list[str]) -> None:
+    """A line may break at plain spaces, not within a figure; tags keep theirs."""
+    page = unbroken(f'<p class="a ± 1 m">{text}</p>')
+    assert page.startswith('<p class="a ± 1 m">')
+    said = re.sub("<[^>]*>", "", page)
+    assert said.replace("\u00a0", " ") == text
+    assert [part.replace("\u00a0", " ") for part in said.split(" ")] == lines
+
+
+def test_page__with_unbroken_figures_is_translated_and_back() -> None:
+    japanese = in_language(unbroken(PAGE), "ja")
+    assert japanese == in_language(PAGE, "ja")
+    assert in_language(unbroken(japanese), "en") == PAGE

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from unicodedata import east_asian_width
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -13,6 +14,8 @@ from hypothesis import strategies as st
 
 from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.response_values import Estimate, FittedModel, Response
+from furrowmap.core.crops.response_words import MODEL_WORDS
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.exporters.reports.trial_charts import (
     GROUP_COLOURS,
     ParcelValues,
@@ -184,7 +187,27 @@ def test_category_chart__has_room_for_its_names_and_groups(count: int) -> None:
     assert np.abs(beside).max() < 0.25 * step
     bars = [span(line, "x") for line in root.iter("line") if line.attrib["stroke-width"] == "3"]
     assert all(right - left < 0.7 * step for left, right in bars)
-    assert root.attrib["viewBox"] == "0 0 640 400"
+    assert root.attrib["viewBox"] == "0 0 640 424"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("model", MODEL_WORDS)
+def test_keys_of_curves__do_not_run_into_each_other_on_a_phone(model: str, language: str) -> None:
+    """There texts have 18 units: a Latin letter takes 0.6 of them at most on average, a Japanese one all."""
+    shown = response(Estimate(100.0, 1.0, 90.0, 110.0))
+    models = (replace(shown.models[0], name=model), *shown.models[1:])
+    chart = response_chart(DOSE, POINTS, replace(shown, models=models), "n_kg_ha")
+    root = ET.fromstring(standalone(chart, language).partition("\n")[2])
+    below = [text for text in root.iter() if text.tag.endswith("text") and float(text.attrib["y"]) > 370.0]
+    assert len(below) == 4
+    ends: dict[str, list[tuple[float, float]]] = {}
+    for text in below:
+        width = sum(18.0 if east_asian_width(letter) in "WF" else 0.6 * 18.0 for letter in text.text or "")
+        begin = float(text.attrib["x"])
+        ends.setdefault(text.attrib["y"], []).append((begin - 24.0, begin + width))
+    for row in ends.values():
+        assert [left[1] < right[0] for left, right in pairwise(sorted(row))] == [True]
+        assert max(end for _, end in row) <= 640.0
 
 
 @given(
@@ -254,8 +277,8 @@ def test_file__of_a_chart_has_a_size_and_a_white_ground() -> None:
     root = ET.fromstring(standalone(chart, "ja").encode())
     words = {text.text for text in root.iter() if text.tag.endswith("text")}
     assert {"平均の高さ（m）", "窒素（kg/ha）", "ブロック", "A"} <= words
-    assert root.attrib["viewBox"] == "0 0 640 400"
-    assert (root.attrib["width"], root.attrib["height"]) == ("640", "400")
+    assert root.attrib["viewBox"] == "0 0 640 424"
+    assert (root.attrib["width"], root.attrib["height"]) == ("640", "424")
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
     first = root[0]
     assert (first.tag.rpartition("}")[2], first.attrib["fill"]) == ("rect", "#ffffff")
