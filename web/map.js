@@ -313,6 +313,11 @@ function swatch(symbol) {
   return drawing;
 }
 
+// Text whose figures stay on one line.
+function unbroken(text) {
+  return text.replace(/± (?=\d)/g, "±\u00a0").replace(/(\d) (?=[%±])/g, "$1\u00a0");
+}
+
 function keyItem(symbol, label) {
   const item = element("li");
   item.append(swatch(symbol), document.createTextNode(say(label)));
@@ -327,7 +332,8 @@ function layerRow(layer, number) {
   box.name = layer.name;
   box.checked = drawn[number].getVisible();
   box.addEventListener("change", () => drawn[number].setVisible(box.checked));
-  label.append(box, document.createTextNode(say(layer.title)));
+  const alone = layer.features && !layer.legend.length && layer.symbols.length === 1;
+  label.append(box, ...(alone ? [swatch(layer.symbols[0])] : []), document.createTextNode(say(layer.title)));
   row.append(label);
   const key = layer.features
     ? layer.legend.map(({ label, symbol }) => keyItem(layer.symbols[symbol], label))
@@ -369,14 +375,14 @@ function fillPanel() {
   document.title = data.title || say("Field report");
   byId("title").textContent = document.title;
   byId("language").textContent = language === "ja" ? "English" : japanese;
-  for (const one of document.querySelectorAll("[data-say]")) one.textContent = say(one.dataset.say);
+  for (const one of document.querySelectorAll("[data-say]")) one.textContent = unbroken(say(one.dataset.say));
   for (const one of document.querySelectorAll("[data-label]")) one.setAttribute("aria-label", say(one.dataset.label));
   byId("when").textContent = data.when;
   byId("alarms").replaceChildren(...data.alarms.map(alarmBox));
   byId("figures").replaceChildren(
     ...data.figures.map(({ value, name, loud }) => {
       const box = element("div", "", loud ? "loud" : "");
-      box.append(element("b", value[language]), element("span", name.map(say).join(" ")));
+      box.append(element("b", value[language]), element("span", unbroken(name.map(say).join(" "))));
       return box;
     }),
   );

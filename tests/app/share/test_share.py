@@ -32,6 +32,16 @@ ATTACK = "document.title='attacked'"
 HOSTILE = f'圃場 </script><script>{ATTACK}</script><img src=x onerror="{ATTACK}"> & ]]> \''
 POINTS = 40_000
 PHONE, DESKTOP = (360, 640), (1280, 800)
+BEYOND_THE_PANEL = """
+[...document.querySelectorAll('#panel *')].filter((one) => {
+  const box = one.getBoundingClientRect();
+  return box.width > 0 && box.right > document.getElementById('panel').getBoundingClientRect().right;
+}).map((one) => one.textContent)
+"""
+LAYERS_WITHOUT_SYMBOL = """
+[...document.querySelectorAll('#layers li:has(label)')].filter((one) => !one.querySelector('svg'))
+  .map((one) => one.querySelector('input').name)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +167,9 @@ def test_page__works_and_asks_for_nothing_outside(
         page.click("#menu")
     assert page.is_visible("#panel")
     panel = page.inner_text("#panel")
+    assert page.evaluate(BEYOND_THE_PANEL) == []
+    pictures = {layer["name"] for layer in data["layers"] if "features" not in layer}
+    assert pictures.issuperset(page.evaluate(LAYERS_WITHOUT_SYMBOL))
     assert data["when"] in panel
     for figure in data["figures"]:
         assert figure["value"][language[:2]] in panel
