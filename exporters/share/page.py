@@ -280,7 +280,7 @@ def _notes(report: dict[str, Any]) -> Iterator[str]:
     if response:
         yield from map(str, response.get("sentences", [response["words"]]))
     if keys := (report.get("accuracy") or {}).get("unconfirmed"):
-        yield f"The accuracy holds if {', '.join(keys)} in the session is right: the recording does not show it."
+        yield f"The accuracy assumes that {', '.join(keys)} in the session is right: the recording cannot confirm it."
 
 
 def _accuracy(accuracy: dict[str, Any]) -> Iterable[tuple[str, Any, Any]]:
