@@ -10,7 +10,7 @@ from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import geopandas as gpd
 import laspy
@@ -113,7 +113,7 @@ def test_report__shows_the_hours_of_its_tiles_as_bars(result: Callable[[str], Re
     page = (found.folder / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
     graph = re.search(r'<svg [^>]*aria-label="Activity over time">.*?</svg>', page)
     assert graph is not None
-    root = ElementTree.fromstring(graph[0])
+    root = ET.fromstring(graph[0])
     ticks = [(text.text or "", float(text.attrib["x"])) for text in root.iter("text")]
     known = [(60.0 * int(t.split(":")[0]) + int(t.split(":")[1]), x) for t, x in ticks if re.match(r"\d+:\d\d$", t)]
     s_per_unit = (known[-1][0] - known[0][0]) / (known[-1][1] - known[0][1])
