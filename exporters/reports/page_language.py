@@ -22,8 +22,10 @@ _SAID: Final = re.compile(r'\b(alt|aria-label)="([^"]*)"')
 _MARK: Final = "⟦{}⟧"
 _MARKED_FIGURE: Final = re.compile(r"⟦(\d+)⟧")
 _NO_BREAK: Final = "\u00a0"
-_UNITS: Final = "%|mm²?|cm|m[²³]?|km|ha|acres?|a|(?:k?m|ha|a|acres?)/h|m/s|ms|s|min|h|kg/ha|点|秒|分|時間|行程"
-_INSIDE_FIGURE: Final = re.compile(rf"(?<=\d) (?=±)|(?<=±) (?=\d)|(?<=\d) (?=(?:{_UNITS})(?![A-Za-z0-9/]))")
+_UNITS_OF_FIGURES: Final = (
+    "%|mm²?|cm|m[²³]?|km|ha|acres?|a|(?:k?m|ha|a|acres?)/h|m/s|ms|s|min|h|kg/ha|点|秒|分|時間|行程"
+)
+_INSIDE_FIGURE: Final = re.compile(rf"(?<=\d) (?=±)|(?<=±) (?=\d)|(?<=\d) (?=(?:{_UNITS_OF_FIGURES})(?![A-Za-z0-9/]))")
 """The spaces of a figure, between value, ± and unit."""
 
 
