@@ -3,7 +3,7 @@
 import datetime as dt
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -42,7 +42,7 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
     there are none, those in XMP (:mod:`.image_xmp`) do by the same rule.
     """
     expect_pillow()
-    marks = marks_beside(paths)
+    marks, unused = marks_beside(paths)
     contradicted: list[Path] = []
     marked: list[ExposureMark] = []
     by_xmp: list[_Exposure] = []
@@ -84,6 +84,8 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
     if marked:
         fixed = sum(mark.is_fixed for mark in marked)
         notices.append(Notice("images-marked", marked=len(marked), count=count, fixed=fixed))
+    if unused:
+        notices.append(Notice("images-marked.unused", names=", ".join(file.name for file in unused[:3])))
     if by_xmp:
         notices.append(_xmp_notice(by_xmp, count))
     if zoneless:
@@ -195,17 +197,34 @@ def _satellite_time(gps: dict[int, Any]) -> float | None:
     return day.timestamp() + within if np.isfinite(within) else None
 
 
+_SIXTIETHS: Final = (1.0, 60.0, 3600.0)
+_NORTH_SOUTH: Final = {"N": 1.0, "S": -1.0}
+_EAST_WEST: Final = {"E": 1.0, "W": -1.0}
+_BELOW: Final = (1, b"\1", 3, b"\3")
+"""GPSAltitudeRef of what lies below the sea, and below the ellipsoid or sea since Exif 3.0."""
+
+
+def _sign(reference: Any, signs: Mapping[str, float]) -> float:
+    """1 or -1 of a reference such as N or 'south'; ValueError without one, which leaves the hemisphere open."""
+    text = reference.decode("latin-1") if isinstance(reference, bytes) else str(reference)
+    found = signs.get(text.strip(" \0")[:1].upper())
+    if found is None:
+        raise ValueError(f"{text!r} is no hemisphere")
+    return found
+
+
 def _place(gps: dict[int, Any]) -> tuple[float, float, float]:
     """Longitude and latitude in degrees, height in metres; nan where they are not stated."""
     try:
         lat, lon = (
-            sign * sum(float(part) / unit for part, unit in zip(gps[tag], (1.0, 60.0, 3600.0), strict=True))
-            for tag, sign in ((2, -1.0 if gps[1] == "S" else 1.0), (4, -1.0 if gps[3] == "W" else 1.0))
+            _sign(gps[ref], signs)
+            * sum(float(part) / unit for part, unit in zip(gps[tag], (1.0, 60.0, 3600.0), strict=True))
+            for tag, ref, signs in ((2, 1, _NORTH_SOUTH), (4, 3, _EAST_WEST))
         )
     except (KeyError, ValueError, TypeError, ZeroDivisionError):
         return (float("nan"),) * 3
     try:
-        below = gps.get(5) in (1, b"\1")
+        below = gps.get(5) in _BELOW
         height = float(gps[6]) * (-1.0 if below else 1.0)
     except (KeyError, ValueError, TypeError, ZeroDivisionError):
         height = float("nan")

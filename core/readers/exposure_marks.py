@@ -45,21 +45,25 @@ class ExposureMark:
     is_fixed: bool
 
 
-def marks_beside(paths: Sequence[Path]) -> dict[Path, ExposureMark]:
-    """The marks of images, by the number in their names, from the files of marks in their folders.
+def marks_beside(paths: Sequence[Path]) -> tuple[dict[Path, ExposureMark], list[Path]]:
+    """The marks of images, by the number in their names, from the files of marks in their folders; and unused files.
 
     A folder with several files of marks has flights that count from 1 each: their images are told by the beginning of
     the names, and images that fit none have no mark.
     """
     found: dict[Path, ExposureMark] = {}
+    unused: list[Path] = []
     for folder in dict.fromkeys(path.parent for path in paths):
         tables = {file: read_marks(file) for file in found_beside(folder, MARKS_PATTERN)}
+        used: set[Path] = set()
         for path in (path for path in paths if path.parent == folder):
             number = _IMAGE.fullmatch(path.name)
             fitting = [file for file in tables if len(tables) == 1 or _is_of_flight(path, file)]
             if number is not None and len(fitting) == 1 and int(number[1]) in tables[fitting[0]]:
                 found[path] = tables[fitting[0]][int(number[1])]
-    return found
+                used.add(fitting[0])
+        unused += [file for file in tables if file not in used]
+    return found, unused
 
 
 def _is_of_flight(image: Path, marks: Path) -> bool:

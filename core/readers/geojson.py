@@ -1,7 +1,7 @@
 """Polygons and points of GeoJSON (RFC 7946), read without GDAL, whose drivers take a text for whatever it mentions."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 import msgspec
@@ -17,6 +17,8 @@ MAX_CORNERS: Final = 5_000_000
 _GEOMETRY_TYPES: Final = (
     "Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection",
 )  # fmt: skip
+_MOST_LEVELS: Final = 16
+"""Of collections in collections (RFC 7946, 3.1.8, advises against any)."""
 _LONGITUDES: Final = CRS.from_epsg(4326)
 
 
@@ -28,6 +30,7 @@ class _Object(msgspec.Struct):
     geometry: msgspec.Raw = msgspec.Raw()
     properties: dict[str, Any] | None = None
     coordinates: msgspec.Raw = msgspec.Raw()
+    geometries: list[msgspec.Raw] | None = None
     crs: dict[str, Any] | None = None
 
 
@@ -79,7 +82,7 @@ def _features(root: _Object) -> Iterator[_Object]:
     elif root.type == "Feature":
         yield root
     elif root.type in _GEOMETRY_TYPES:
-        geometry = {"type": root.type, "coordinates": _given(root.coordinates, b"[]")}
+        geometry = {"type": root.type, "coordinates": _given(root.coordinates, b"[]"), "geometries": root.geometries}
         yield _Object("Feature", geometry=msgspec.Raw(msgspec.json.encode(geometry)))
     else:
         raise ValueError(f"it is JSON of the type {root.type[:40]!r} and no GeoJSON")
@@ -89,14 +92,25 @@ def _given(raw: msgspec.Raw, otherwise: bytes) -> msgspec.Raw:
     return raw if len(memoryview(raw)) else msgspec.Raw(otherwise)
 
 
-def _shape(raw: msgspec.Raw, shape_of: ShapeOf) -> BaseGeometry | None:
-    """The geometry of a feature; None for one of another kind, or none."""
+def _shape(raw: msgspec.Raw, shape_of: ShapeOf, levels: int = _MOST_LEVELS) -> BaseGeometry | None:
+    """The geometry of a feature, those of a collection as one; None for one of another kind, or none."""
     geometry = msgspec.json.decode(_given(raw, b"null"), type=_Object | None)
     if geometry is None:
         return None
     if geometry.type not in _GEOMETRY_TYPES:
         raise ValueError(f"a feature has a geometry of the type {geometry.type[:40]!r}")
+    if geometry.type == "GeometryCollection":
+        shapes = [_shape(one, shape_of, levels - 1) for one in geometry.geometries or []] if levels else []
+        return joined([shape for shape in shapes if shape is not None])
     return shape_of(geometry.type, _given(geometry.coordinates, b"[]"))
+
+
+def joined(shapes: Sequence[BaseGeometry]) -> BaseGeometry | None:
+    """Polygons, or points, of a feature as one geometry; None without any."""
+    parts: list[Any] = shapely.get_parts(np.array([*shapes, None], object)[:-1]).tolist()
+    if len(parts) < 2:
+        return parts[0] if parts else None
+    return shapely.MultiPolygon(parts) if parts[0].geom_type == "Polygon" else shapely.MultiPoint(parts)
 
 
 def point_of(kind: str, coordinates: msgspec.Raw) -> BaseGeometry | None:

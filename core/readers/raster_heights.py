@@ -14,6 +14,7 @@ from pyproj import CRS
 from pyproj.database import get_units_map
 
 from furrowmap.core.geodesy.longitudes import unwrapped_deg
+from furrowmap.core.readers.expected_degrees import expect_degrees
 from furrowmap.core.readers.geotiff import HEIGHT_BAND_NAME, expect_heights, open_geotiff, short_keys
 from furrowmap.core.readers.vertical_keys import heights_by_keys, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
@@ -22,16 +23,8 @@ from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.runtime.memory import expect_disk
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.height_units import in_metres, vertical_unit_m
+from furrowmap.core.values.no_heights import HIGHEST_M, NO_HEIGHTS, far_from_heights
 
-_NO_HEIGHTS: Final = (
-    0.0, -999.0, 999.0, -9999.0, 9999.0, -99999.0, 99999.0, -999999.0, 999999.0, -32767.0, 32767.0, -32768.0, 32768.0,
-    -65535.0, 65535.0,
-)  # fmt: skip
-"""Numbers that programs write where there is no height; others are the ends of a type of integers."""
-_HIGHEST_M: Final = 1e7
-"""No height above or below any datum: numbers such as 1e20 or the largest of a type."""
-_LEAST_GAP_M: Final = 50.0
-"""Of a number that is no height from the others; more where these differ by more."""
 _SAME_FOOT: Final = 1e-5
 """'ft' is written for both feet, which differ by 2e-6: the CRS then says which."""
 _WINDOW_CELLS: Final = 1 << 20
@@ -84,8 +77,9 @@ class HeightScale:
         if self.no_heights:
             heights[np.isin(heights, self.no_heights)] = np.nan
         out: FloatArray = heights * self.factor + self.shift_m
+        out[np.isinf(out)] = np.nan
         if self.seen:
-            out[np.abs(out) > _HIGHEST_M] = np.nan
+            out[np.abs(out) > HIGHEST_M] = np.nan
         return out
 
 
@@ -137,6 +131,8 @@ def open_heights(path: Path, unusable: Callable[[Path, Words], InputError]) -> I
             raise unusable(path, f"states its heights in {raster.units[0]!r}, which is no known unit of length")
         scale = height_scale(raster, path)
         assert scale.crs is not None
+        if scale.crs.is_geographic:
+            expect_degrees(path, np.array(raster.bounds).reshape(2, 2), scale.crs, "layer")
         yield HeightRaster(raster, scale, scale.crs)
 
 
@@ -248,27 +244,23 @@ def _undeclared(raster: Any, factor: float, shift_m: float) -> tuple[tuple[float
     if kind.kind not in "iuf" or (kind.kind == "f" and _is_ours(raster)) or factor == 0.0:
         return (), []
     ends = (float(np.iinfo(kind).min), float(np.iinfo(kind).max)) if kind.kind in "iu" else ()
-    candidates = np.unique([*_NO_HEIGHTS, *ends])
+    candidates = np.unique([*NO_HEIGHTS, *ends])
     low = math.inf
     high = -math.inf
     seen: set[float] = set()
     windows = list(_windows(raster))
     for window in windows[:: max(1, math.ceil(raster.width * raster.height / _LOOKED_AT_CELLS))]:
         numbers = raster.read(1, window=window, masked=True).compressed().astype(np.float64)
+        seen.update(np.unique(numbers[np.isinf(numbers)]).tolist())
         numbers = numbers[np.isfinite(numbers)]
-        odd = np.isin(numbers, candidates) | (np.abs(numbers * factor + shift_m) > _HIGHEST_M)
+        odd = np.isin(numbers, candidates) | (np.abs(numbers * factor + shift_m) > HIGHEST_M)
         heights = numbers[~odd]
         if len(heights):
             low = min(low, float(heights.min()))
             high = max(high, float(heights.max()))
         seen.update(np.unique(numbers[odd])[:1000].tolist())
-    if low > high:
-        # without any height, 0 may be one: a plain at the sea, or a difference of surfaces
-        far = candidates[(np.abs(candidates) >= 9999.0) if 0.0 not in seen else np.zeros(len(candidates), bool)]
-    else:
-        gap = max(high - low, _LEAST_GAP_M / abs(factor))
-        far = candidates[(candidates < low - gap) | (candidates > high + gap)]
-    named = sorted(one for one in seen if one in far or abs(one * factor + shift_m) > _HIGHEST_M)
+    far = far_from_heights(candidates, low, high, factor, with_zero=0.0 in seen)
+    named = sorted(one for one in seen if one in far or abs(one * factor + shift_m) > HIGHEST_M)
     return tuple(far.tolist()), named
 
 

@@ -14,14 +14,16 @@ from furrowmap.core.geodesy.crs_change import bounds_in, crs_change, horizontal_
 from furrowmap.core.readers.agopengps import elevation_file, read_elevations
 from furrowmap.core.readers.areas.area import nothing_within, read_area
 from furrowmap.core.readers.column_names import ELLIPSOIDAL_H, means, standard_name, unit_fault
+from furrowmap.core.readers.expected_degrees import FEWEST_METRES, SaidBy, expect_degrees
 from furrowmap.core.readers.text_table import TextTable, column_names, is_spreadsheet, read_table
-from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer
+from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer, said_by
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
 from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.values.crs import full_name_of
-from furrowmap.core.values.height_units import compound_crs, in_metres, vertical_unit_m
+from furrowmap.core.values.height_units import ELLIPSOIDAL_HEIGHT, compound_crs, height_kind, vertical_unit_m
+from furrowmap.core.values.no_heights import are_no_heights
 
 MAX_SURVEY_BYTES: Final = 50_000_000
 _NAME_COLUMNS: Final = (
@@ -118,29 +120,35 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         InputError: if the file cannot be read, or has no points with heights.
         RefusedError: if PROJ has no exact transformation from the CRS of the points, or the height systems differ.
     """
-    rows = _rows_of(path)
+    rows = _rows_of(path, crs or target)
     source = rows.crs or _crs_of_rows(path, rows, crs or target)
-    whole = np.isfinite(rows.xyz).all(axis=1)
+    unit_m = 1.0 if rows.metres else vertical_unit_m(source) or 1.0
+    none = are_no_heights(rows.xyz[:, 2], unit_m)
+    whole = np.isfinite(rows.xyz).all(axis=1) & ~none
     if not whole.any():
         raise _unreadable(path, Text("has no point with easting, northing and height"))
     notices = list(rows.notices)
-    if not whole.all():
-        notices.append(Notice("points-incomplete", path=path.name, whole=int((~whole).sum())))
+    if none.any():
+        values = ", ".join(f"{value:.7g}" for value in np.unique(rows.xyz[none, 2])[:5])
+        notices.append(Notice("nodata-undeclared.points", path=path.name, count=int(none.sum()), values=values))
+    if not (whole | none).all():
+        notices.append(Notice("points-incomplete", path=path.name, whole=int((~(whole | none)).sum())))
     xyz = rows.xyz[whole]
     sigma = rows.sigma[whole]
     names = tuple(rows.names[k] for k in np.flatnonzero(whole))
-    if source.is_compound and not rows.metres:
-        unit_m = vertical_unit_m(source) or 1.0
+    if unit_m != 1.0:
         xyz = xyz * np.array([1.0, 1.0, unit_m])
-        sigma = sigma * np.array([1.0, 1.0, unit_m])
-        notices += [Notice("heights-in-feet", unit_m=unit_m)] if unit_m != 1.0 else []
-    kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in map(in_metres, (source, target)) if crs]
+        sigma = sigma * np.where(rows.sigma_metres, 1.0, unit_m)
+        notices.append(Notice("heights-in-feet", unit_m=unit_m))
+    kinds = [height_kind(source), height_kind(target)]
     if rows.ellipsoidal:
-        kinds[0] = "ellipsoidal height"
+        kinds[0] = ELLIPSOIDAL_HEIGHT
     if None not in kinds and kinds[0] != kinds[1]:
         raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
     flat = horizontal_part(source)
     wanted = horizontal_part(target)
+    if flat.is_geographic:
+        expect_degrees(path, xyz[:, :2], flat, rows.said_by)
     if not flat.equals(wanted, ignore_axis_order=True):
         change = crs_change(flat, wanted, bounds_in(flat, xyz[:, :2]))
         xyz = np.column_stack([change.points(xyz[:, :2]), xyz[:, 2]])
@@ -188,7 +196,9 @@ class _SurveyRows:
 
     Attributes:
         ellipsoidal: whether the column of heights says that they are above the ellipsoid.
-        metres: whether they are in metres, as it says.
+        metres: whether they are in metres, as it says; else in the unit of the CRS.
+        said_by: what says that the coordinates are degrees, if they are.
+        sigma_metres: whether the standard deviations along each axis are in metres, as their columns say.
         units_m: of eastings and northings, in metres, None where they state none.
     """
 
@@ -198,13 +208,15 @@ class _SurveyRows:
     degrees: bool = False
     ellipsoidal: bool = False
     metres: bool = False
+    sigma_metres: tuple[bool, ...] = (False, False, False)
     crs: pyproj.CRS | None = None
     units_m: tuple[float | None, ...] = ()
     notices: tuple[Notice, ...] = ()
+    said_by: SaidBy = "table"
 
 
-def _rows_of(path: Path) -> _SurveyRows:
-    """The points of a file or of a field folder of AgOpenGPS, as it has them."""
+def _rows_of(path: Path, otherwise: pyproj.CRS | None = None) -> _SurveyRows:
+    """The points of a file or of a field folder of AgOpenGPS, as it has them; `otherwise` is the CRS of one without."""
     heights = elevation_file(path)
     if heights is not None:
         return _rows_of_agopengps(heights)
@@ -214,7 +226,9 @@ def _rows_of(path: Path) -> _SurveyRows:
         raise _unreadable(path, Text("has {size:,} bytes: too many for a survey", size=path.stat().st_size))
     with open_plain(path) as file:
         head = file.read(4096)
-    return _rows_of_layer(path) if is_vector(head) and not is_spreadsheet(path) else _rows_of_table(path)
+    if not is_vector(head) or is_spreadsheet(path):
+        return _rows_of_table(path)
+    return replace(_rows_of_layer(path, otherwise), said_by=said_by(head))
 
 
 def _rows_of_agopengps(path: Path) -> _SurveyRows:
@@ -227,7 +241,7 @@ def _rows_of_agopengps(path: Path) -> _SurveyRows:
     )
 
 
-def _rows_of_layer(path: Path) -> _SurveyRows:
+def _rows_of_layer(path: Path, otherwise: pyproj.CRS | None) -> _SurveyRows:
     try:
         layer = read_points_of_layer(path)
     except RefusedError:
@@ -259,12 +273,17 @@ def _rows_of_layer(path: Path) -> _SurveyRows:
     xyz: FloatArray = np.column_stack([part(single) for part in (shapely.get_x, shapely.get_y, shapely.get_z)])
     column = _first_filled(table, _HEIGHT_COLUMNS) or table.find([_HEIGHT_COLUMNS[0]])
     stated = None
+    crs = layer.crs or otherwise
+    own_m = vertical_unit_m(crs) if crs is not None else None
     if column is not None:
         unit_m = table.unit_m(column)
-        stated = table.numbers(column)[feature] * (unit_m or 1.0)
-        notices += [Notice("heights-in-feet", unit_m=unit_m)] if unit_m not in (None, 1.0) else []
+        stated = table.numbers(column)[feature] * ((unit_m or 1.0) / (own_m or 1.0) if unit_m is not None else 1.0)
+        is_told = unit_m not in (None, 1.0) and own_m in (None, 1.0)
+        notices += [Notice("heights-in-feet", unit_m=unit_m)] if is_told else []
     xyz[:, 2], about = _heights(path, xyz[:, 2], column, stated)
-    return _SurveyRows(labels, xyz, _sigmas(table)[feature], crs=layer.crs, notices=(*notices, *layer.notices, *about))
+    sigma, in_metres = _sigmas(table)
+    found = (*notices, *layer.notices, *about)
+    return _SurveyRows(labels, xyz, sigma[feature], sigma_metres=in_metres, crs=layer.crs, notices=found)
 
 
 def _text(value: object) -> str:
@@ -316,7 +335,7 @@ def _rows_of_table(path: Path) -> _SurveyRows:
         raise _unreadable(path, Text("has no point with easting, northing and height{fault:: {fault}|}", fault=fault))
     xyz = np.column_stack([table.numbers(name) for name in wanted])
     degrees = any(means(table.written.get(place[0], place[0]), name) for name in _DEGREE_COLUMNS)
-    if degrees and (largest := np.nanmax(np.abs(xyz[:, 1]))) > 90.0:
+    if degrees and 90.0 < (largest := np.nanmax(np.abs(xyz[:, 1]))) <= FEWEST_METRES:
         raise _unreadable(
             path, Text("has latitudes such as {largest:g}: longitude and latitude are swapped", largest=largest)
         )
@@ -325,8 +344,9 @@ def _rows_of_table(path: Path) -> _SurveyRows:
     xyz[:, 2] *= unit_m or 1.0
     notices = [*table.notices, *([Notice("heights-in-feet", unit_m=unit_m)] if unit_m not in (None, 1.0) else [])]
     units = () if degrees else tuple(table.unit_m(name) for name in place)
+    sigma, in_metres = _sigmas(table)
     return _SurveyRows(
-        _names(table), xyz, _sigmas(table), degrees, ellipsoidal, unit_m is not None, None, units, tuple(notices)
+        _names(table), xyz, sigma, degrees, ellipsoidal, unit_m is not None, in_metres, None, units, tuple(notices)
     )
 
 
@@ -355,13 +375,17 @@ def _names(table: TextTable) -> list[str]:
     return [str(k) for k in range(1, len(table.lines) + 1)] if column is None else table.columns[column]
 
 
-def _sigmas(table: TextTable) -> FloatArray:
+def _sigmas(table: TextTable) -> tuple[FloatArray, tuple[bool, ...]]:
+    """Standard deviations (n, 3), and whether those of each axis are in metres, as their columns say."""
     found = [_first_filled(table, names) for names in _DEVIATION_COLUMNS]
     found = [name or table.find(names[:1]) for name, names in zip(found, _DEVIATION_COLUMNS, strict=True)]
     unknown = np.full(len(table.lines), np.nan)
-    return np.column_stack(
-        [unknown if name is None else table.numbers(name) * (table.unit_m(name) or 1.0) for name in found]
-    )
+    units_m = [None if name is None else table.unit_m(name) for name in found]
+    columns = [
+        unknown if name is None else table.numbers(name) * (unit_m or 1.0)
+        for name, unit_m in zip(found, units_m, strict=True)
+    ]
+    return np.column_stack(columns), tuple(unit_m is not None for unit_m in units_m)
 
 
 def _unreadable(path: Path, why: Words) -> InputError:

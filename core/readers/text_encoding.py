@@ -52,6 +52,7 @@ def known_page(name: str) -> str | None:
     if not name.strip():
         return None
     plain = name.strip().casefold().removeprefix("ansi ").removeprefix("oem ")
+    plain = re.sub(r"^(windows|ibm)[ _-]?(\d+)$", r"\2", plain)
     if re.sub(r"[^a-z0-9]", "", plain) in _JAPANESE_NAMES:
         return SHIFT_JIS
     for spelled in (f"cp{plain}", plain, re.sub(r"^(iso)?[ _-]*8859[ _-]*(\d+)$", r"iso8859-\2", plain)):

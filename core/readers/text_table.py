@@ -27,7 +27,7 @@ from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.readers.text_encoding import decoded
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.file_signatures import binary_kind
+from furrowmap.core.runtime.file_signatures import binary_kind, file_kind
 from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.memory import expect_disk, expect_growth, expect_memory
 from furrowmap.core.runtime.plain_reads import open_plain
@@ -295,6 +295,8 @@ def _decoded(path: Path) -> tuple[list[str], list[Notice]]:
         raise ValueError(Text("it has more than {max_bytes:,} bytes", max_bytes=_MOST_TEXT_BYTES))
     if (kind := binary_kind(content)) is not None:
         raise ValueError(Text("it is {kind}, not text", kind=kind))
+    if content.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{") and (named := file_kind(content)) is not None:
+        raise ValueError(Text("it is {kind}, not a table", kind=named.name))
     found = decoded(content.removeprefix(b"\xef\xbb\xbf").splitlines())
     if found is None:
         raise ValueError(Text("its text is neither UTF-8 nor Shift-JIS nor Windows-1252"))

@@ -4,6 +4,7 @@ GDAL reads layers as arrays (:mod:`.ogr_layers`), but neither GeoJSON nor KML (O
 content, and a text that names another format would open other files.
 """
 
+import codecs
 import datetime as dt
 import re
 import warnings
@@ -20,7 +21,8 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.areas.repair import workable
-from furrowmap.core.readers.geojson import ShapeOf, point_of, polygon_of, read_geojson
+from furrowmap.core.readers.expected_degrees import SaidBy, expect_degrees
+from furrowmap.core.readers.geojson import ShapeOf, joined, point_of, polygon_of, read_geojson
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.readers.ogr_layers import LAYER_MAGIC, SHAPEFILE_MAGIC, layer_info, list_layers, read_layer_arrays
 from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_layer
@@ -130,9 +132,13 @@ def layer_with(path: Path, kinds: Sequence[str]) -> tuple[str | None, list[Notic
 _GEOMETRIES: Final = ("Point", "LineString", "LinearRing", "Polygon", "Model", "Track", "MultiTrack")
 
 
+_UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
 def _is_kml(head: bytes) -> bool:
     """Whether a file begins as KML does."""
-    text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
+    text = head.replace(b"\0", b"") if head.startswith(_UTF_16) else head  # what is ASCII of it
+    text = text.lstrip(b"\xff\xfe\xef\xbb\xbf \t\r\n")
     return text.startswith(b"<") and (b"<kml" in text[:1000] or b":kml" in text[:1000])
 
 
@@ -328,6 +334,8 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
         raise unreadable(Text("a corner has coordinates that are not finite"))
     if len(corners) and np.abs(corners).max() > MAX_POLYGON_COORDINATE:
         raise unreadable(f"a corner has the coordinate {np.abs(corners).max():g}, which is nowhere on the Earth")
+    if crs.is_geographic:
+        expect_degrees(path, corners, crs, said_by(head))
     try:
         whole = tuple(workable(shapes.tolist(), crs))
     except ValueError as error:
@@ -339,6 +347,11 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
 def is_vector(head: bytes) -> bool:
     """Whether a file begins as a vector file, or as an archive that may hold one."""
     return _is_json(head) or head.startswith((*LAYER_MAGIC, ZIP)) or _is_kml(head)
+
+
+def said_by(head: bytes) -> SaidBy:
+    """What says that the coordinates of a vector file, by its first bytes, are degrees, if they are."""
+    return "kml" if _is_kml(head) else "geojson" if _is_json(head) else "layer"
 
 
 def read_points_of_layer(path: Path) -> VectorLayer:
@@ -414,8 +427,17 @@ def _by_gdal(path: Path, wanted: _Wanted) -> tuple[VectorLayer, int]:
         warnings.simplefilter("ignore")  # a ring that is not closed is closed
         name, notices = layer_with(path, wanted.layers)
         layer = read_vector_layer(path, name, times_as_text=True)
+    layer.shapes[:] = [_of_collection(shape, wanted.kinds) for shape in layer.shapes]
     kept = np.array([shape is None or isinstance(shape, wanted.kinds) for shape in layer.shapes], bool)
     return replace(layer.where(kept), notices=(*notices, *layer.notices)), int((~kept).sum())
+
+
+def _of_collection(shape: BaseGeometry | None, kinds: tuple[type[BaseGeometry], ...]) -> BaseGeometry | None:
+    """What a collection has of the geometries that are wanted, as one; other geometries are unchanged."""
+    if not isinstance(shape, shapely.GeometryCollection):
+        return shape
+    inner = (_of_collection(one, kinds) for one in shape.geoms)
+    return joined([one for one in inner if isinstance(one, kinds) and not one.is_empty]) or shape
 
 
 def _is_json(head: bytes) -> bool:

@@ -1,11 +1,22 @@
 """Units of heights: which a CRS states, and the same CRS with another."""
 
 import math
-from typing import Any
+from typing import Any, Final
 
 from pyproj import CRS
 from pyproj.crs import CompoundCRS
 from pyproj.exceptions import CRSError
+
+ELLIPSOIDAL_HEIGHT: Final = "ellipsoidal height"
+
+
+def height_kind(crs: CRS) -> str | None:
+    """What the heights of a CRS are above, whatever their unit: the name of a vertical CRS; None if it states none."""
+    if crs.is_compound:
+        metric = in_metres(crs)
+        assert metric is not None
+        return str(metric.sub_crs_list[1].name)
+    return ELLIPSOIDAL_HEIGHT if len(crs.axis_info) > 2 else None
 
 
 def vertical_unit_m(crs: CRS) -> float | None:

@@ -67,14 +67,16 @@ def geojson(folder: Path, *, flat: bool = False, extra: str = "", multi: bool = 
     return path
 
 
-def kml(folder: Path, *, mode: str = "absolute", column: bool = False, add_m: float = 0.0) -> Path:
+def kml(folder: Path, *, mode: str = "absolute", column: bool = False, add_m: float = 0.0, page: str = "UTF-8") -> Path:
     marks = []
     for name, (lon, lat, height) in zip(NAMES, DEGREES.tolist(), strict=True):
         data = f'<ExtendedData><Data name="elevation"><value>{height}</value></Data></ExtendedData>' if column else ""
         place = f"<altitudeMode>{mode}</altitudeMode><coordinates>{lon:.10f},{lat:.10f},{height + add_m}</coordinates>"
         marks.append(f"<Placemark><name>{name}</name>{data}<Point>{place}</Point></Placemark>")
     path = folder / "a.kml"
-    path.write_text(f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document>{"".join(marks)}</Document></kml>')
+    head = f'<?xml version="1.0" encoding="{page}"?>'
+    text = f'{head}<kml xmlns="http://www.opengis.net/kml/2.2"><Document>{"".join(marks)}</Document></kml>'
+    path.write_bytes(text.encode(page))
     return path
 
 
@@ -123,6 +125,33 @@ def with_nothing() -> gpd.GeoDataFrame:
     return gpd.GeoDataFrame({"name": [*NAMES, "none"]}, geometry=[*TABLE.geometry, None], crs=MAP)
 
 
+def in_us_feet() -> CRS:
+    """The map in US survey feet, which states no heights: these have its unit, as those of clouds and rasters."""
+    content = MAP.to_json_dict()
+    for name in ("id", "usages", "scope", "area", "bbox"):
+        content.pop(name, None)
+    content["name"] += " (ftUS)"
+    for axis in content["coordinate_system"]["axis"]:
+        axis["unit"] = {"type": "LinearUnit", "name": "US survey foot", "conversion_factor": US_FOOT_M}
+    return CRS.from_json_dict(content)
+
+
+US_FOOT_M = 1200 / 3937
+FEET = gpd.GeoDataFrame({"name": NAMES}, geometry=list(shapely.points(XYZ / US_FOOT_M)), crs=in_us_feet())
+
+
+def with_none(folder: Path, none: float) -> Path:
+    """A table with a further point whose height is none."""
+    path = table(folder)
+    path.write_text(path.read_text() + f"P9,{EAST + 11.0},{NORTH + 13.0},{none}\n")
+    return path
+
+
+def collections(folder: Path) -> Path:
+    shapes = [shapely.GeometryCollection([shapely.LineString(XYZ[:2]), one]) for one in TABLE.geometry]
+    return layer(folder, "a.gpkg", TABLE.set_geometry(shapes))
+
+
 Made = Callable[[Path], Path]
 PROPERTIES: Mapping[str, Made] = {
     "table": table,
@@ -139,6 +168,16 @@ PROPERTIES: Mapping[str, Made] = {
     "KML with altitudes above ground and the height in a column": lambda folder: kml(
         folder, mode="relativeToGround", column=True, add_m=-90.0
     ),
+    "KML in Shift-JIS": lambda folder: kml(folder, page="Shift_JIS"),
+    "KML in UTF-16": lambda folder: kml(folder, page="UTF-16"),
+    "map in feet, heights in its unit": lambda folder: layer(folder, "a.gpkg", FEET),
+    "map in feet, heights in a column of metres": lambda folder: layer(
+        folder, "a.gpkg", FEET.set_geometry(shapely.force_2d(FEET.geometry)).assign(h_m=XYZ[:, 2])
+    ),
+    "a height of -9999": lambda folder: with_none(folder, -9999.0),
+    "a height of 0 far from the others": lambda folder: with_none(folder, 0.0),
+    "an infinite height": lambda folder: with_none(folder, np.inf),
+    "collections of geometries": collections,
     "several layers, the first of polygons": layers,
     "MultiPoints of one member": lambda folder: layer(
         folder, "a.gpkg", TABLE.set_geometry([shapely.MultiPoint([one]) for one in TABLE.geometry])
@@ -165,7 +204,28 @@ def lines(folder: Path) -> Path:
     return layer(folder, "a.gpkg", frame)
 
 
+def as_degrees(folder: Path, name: str) -> Path:
+    """Metres of the map, in a file that says or means that they are degrees."""
+    path = folder / name
+    if name.endswith("csv"):
+        text = table(folder).read_text()
+        path.write_text(text.replace("e_m,n_m", "lon,lat"))
+    elif name.endswith("kml"):
+        marks = [f"<Placemark><Point><coordinates>{x},{y},{z}</coordinates></Point></Placemark>" for x, y, z in XYZ]
+        path.write_text(f"<kml>{''.join(marks)}</kml>")
+    elif name.endswith("geojson"):
+        found = json.loads(geojson(folder).read_text())
+        path.write_text(json.dumps({key: value for key, value in found.items() if key != "crs"}))
+    else:
+        layer(folder, name, TABLE.set_crs(4326, allow_override=True))
+    return path
+
+
 REFUSED: Mapping[str, Made] = {
+    "GeoJSON of metres without a CRS": lambda folder: as_degrees(folder, "b.geojson"),
+    "KML of metres": lambda folder: as_degrees(folder, "b.kml"),
+    "metres in a CRS of degrees": lambda folder: as_degrees(folder, "b.gpkg"),
+    "table of metres as longitudes and latitudes": lambda folder: as_degrees(folder, "b.csv"),
     "gzip of a binary file": compressed,
     "lines": lines,
     "no heights": lambda folder: layer(folder, "a.gpkg", without_z()),
@@ -239,6 +299,46 @@ def test_what_cannot_be_honoured__is_refused_in_three_lines(stated: str, place: 
     with pytest.raises(FurrowmapError) as refused:
         PLACES[place](REFUSED[stated](tmp_path))
     assert len(str(refused.value).splitlines()) == 3
+
+
+@pytest.mark.parametrize("stated", [name for name in REFUSED if "metres" in name])
+def test_metres__that_count_as_degrees_are_named_with_the_file(stated: str, tmp_path: Path) -> None:
+    path = REFUSED[stated](tmp_path)
+    with pytest.raises(FurrowmapError) as refused:
+        read_points(path, MAP)
+    what, meaning, _ = str(refused.value).splitlines()
+    assert what.startswith(f"{path}: the coordinates 580010, 5700012 ")
+    assert "look like metres of a projected CRS" in meaning
+
+
+def test_degrees_with_minutes__are_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("name,lon,lat,h_m\nP1,1008.8515,5126.7412,90.0\n")
+    with pytest.raises(FurrowmapError, match="degrees and minutes"):
+        read_points(path, MAP)
+
+
+def test_heights_above_the_ellipsoid__of_a_crs_are_not_compared_with_others(tmp_path: Path) -> None:
+    """EPSG:4937, ETRS89 with ellipsoidal heights, beside heights in DHHN2016: 45 m apart here."""
+    path = layer(tmp_path, "a.gpkg", gpd.GeoDataFrame(geometry=list(shapely.points(DEGREES)), crs="EPSG:4937"))
+    with pytest.raises(FurrowmapError, match="ellipsoidal height") as refused:
+        read_points(path, CRS.from_user_input("EPSG:25832+7837"))
+    assert refused.value.code == "check-heights"
+    assert len(read_points(path, MAP)) == 5
+
+
+def test_deviations__in_a_map_of_feet_have_its_unit_unless_their_columns_have_one(tmp_path: Path) -> None:
+    path = layer(tmp_path, "a.gpkg", FEET.assign(sigma_e=1.0, sigma_h_m=0.5))
+    found = read_points(path, MAP)
+    np.testing.assert_allclose(found.sigma_m[:, [0, 2]], [[US_FOOT_M, 0.5]] * 5)
+    assert [notice.code for notice in found.notices] == ["heights-in-feet"]
+
+
+def test_heights__that_are_none_are_noticed(tmp_path: Path) -> None:
+    for none in (-9999.0, 0.0):
+        (notice,) = read_points(with_none(tmp_path, none), MAP).notices
+        assert notice.code == "nodata-undeclared"
+        assert f"such as {none:g}" in notice.text
 
 
 def test_heights_of_agopengps__are_noticed_with_those_that_are_not_fixed(tmp_path: Path) -> None:

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
+import sqlite3
+import struct
 import zipfile
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +93,8 @@ def layers(folder: Path) -> Path:
     return path
 
 
-def kml(folder: Path, between: str) -> Path:
+def kml(folder: Path, between: str = " ", page: str = "", word: str = "") -> Path:
+    """In UTF-8, or a code page that it declares; `word` begins the names."""
     marks = []
     for name, shape in zip(FIELDS["id"], [A, B], strict=True):
         corners = shapely.get_coordinates(
@@ -96,9 +102,35 @@ def kml(folder: Path, between: str) -> Path:
         )
         text = between.join(f"{lon:.9f},{lat:.9f},0" for lon, lat in corners)
         ring = f"<outerBoundaryIs><LinearRing><coordinates>{text}</coordinates></LinearRing></outerBoundaryIs>"
-        marks.append(f"<Placemark><name>{name}</name><Polygon>{ring}</Polygon></Placemark>")
+        marks.append(f"<Placemark><name>{word}{name}</name><Polygon>{ring}</Polygon></Placemark>")
     path = folder / "a.kml"
-    path.write_text(f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document>{"".join(marks)}</Document></kml>')
+    head = f'<?xml version="1.0" encoding="{page}"?>' if page else ""
+    text = f'{head}<kml xmlns="http://www.opengis.net/kml/2.2"><Document>{"".join(marks)}</Document></kml>'
+    path.write_bytes(text.encode(page.replace("windows-", "cp") or "utf-8"))
+    return path
+
+
+def collections(folder: Path, name: str) -> Path:
+    """Each polygon in a collection with its middle, the first in a collection within it."""
+    inner = shapely.GeometryCollection([RING])
+    shapes = [shapely.GeometryCollection([A.centroid, inner]), shapely.GeometryCollection([B.centroid, B])]
+    return layer(folder, name, FIELDS.set_geometry(shapes), **({"COORDINATE_PRECISION": 12} if "json" in name else {}))
+
+
+def curved(folder: Path) -> Path:
+    """The second field as a CurvePolygon, whose ring is a circular string that is straight (OGC 06-103r4)."""
+    path = layer(folder, "a.gpkg")
+    west, south, east, north = B.bounds
+    ring = [(west, south), (east, south), (east, north), (west, north), (west, south)]
+    halves = [(0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])) for a, b in pairwise(ring)]
+    places = [place for pair in zip(ring, halves, strict=False) for place in pair] + [ring[0]]
+    line = struct.pack("<BII", 1, 8, len(places)) + b"".join(struct.pack("<2d", *place) for place in places)
+    with closing(sqlite3.connect(path)) as base, base:
+        for (trigger,) in base.execute("select name from sqlite_master where type = 'trigger'").fetchall():
+            base.execute(f'drop trigger "{trigger}"')
+        head = b"GP\0\1" + struct.pack("<i", 25832)
+        base.execute("update a set geom = ? where id = 'B2'", (head + struct.pack("<BII", 1, 10, 1) + line,))
+        base.execute("update gpkg_geometry_columns set geometry_type_name = 'GEOMETRY'")
     return path
 
 
@@ -215,6 +247,11 @@ PROPERTIES: Mapping[str, tuple[Made, tuple[BaseGeometry, ...]]] = {
     "KML in a zip archive": (lambda folder: zipped(folder, "a.kml"), (RING, B)),
     "KML with commas between its tuples": (lambda folder: kml(folder, ","), (A, B)),
     "KML with line breaks between its tuples": (lambda folder: kml(folder, "\n"), (A, B)),
+    "KML in Shift-JIS": (lambda folder: kml(folder, page="Shift_JIS", word="圃場"), (A, B)),
+    "KML in UTF-16": (lambda folder: kml(folder, page="utf-16", word="Поле"), (A, B)),
+    "collections of geometries": (lambda folder: collections(folder, "a.gpkg"), (RING, B)),
+    "collections of geometries in GeoJSON": (lambda folder: collections(folder, "a.geojson"), (RING, B)),
+    "curve polygons": (curved, (RING, B)),
     "several layers, the first of points": (layers, (RING, B)),
     "MultiPolygon of one part": (
         lambda folder: layer(folder, "a.gpkg", FIELDS.set_geometry([shapely.MultiPolygon([s]) for s in (RING, B)])),
@@ -249,6 +286,24 @@ def no_crs(folder: Path) -> Path:
     return layer(folder, "a.gpkg", FIELDS.set_crs(None, allow_override=True))
 
 
+def as_degrees(folder: Path, name: str) -> Path:
+    """Metres of the map, in a file that says or means that they are degrees."""
+    degrees = FIELDS.set_crs(4326, allow_override=True)
+    if name.endswith("csv"):
+        path = corners(folder, degrees=False)
+        return changed(path, lambda text: text.replace("e_m,n_m", "longitude,latitude"))
+    if name.endswith("kml"):
+        return changed(kml(folder), lambda text: re.sub(r"\d+\.\d+,\d+\.\d+,0", moved, text))
+    degrees.to_file(folder / name, driver=DRIVERS[name.rpartition(".")[2]], engine="pyogrio")
+    return folder / name
+
+
+def moved(found: re.Match[str]) -> str:
+    lon, lat, _ = found[0].split(",")
+    east, north = TO_DEGREES.transform(float(lon), float(lat), direction="INVERSE")
+    return f"{east:.3f},{north:.3f},0"
+
+
 def compressed(folder: Path) -> Path:
     path = folder / "a.geojson.gz"
     path.write_bytes(gzip.compress(geojson(folder).read_bytes()))
@@ -263,6 +318,10 @@ REFUSED: Mapping[str, Made] = {
     "text in UTF-16 that is no table": lambda folder: changed(
         geojson(folder), lambda text: "\ufeff" + text, "utf-16-le"
     ),
+    "GeoJSON of metres without a CRS": lambda folder: as_degrees(folder, "a.geojson"),
+    "KML of metres": lambda folder: as_degrees(folder, "a.kml"),
+    "metres in a CRS of degrees": lambda folder: as_degrees(folder, "a.gpkg"),
+    "table of metres as longitudes and latitudes": lambda folder: as_degrees(folder, "corners.csv"),
     "a datum of the past": lambda folder: layer(folder, "a.gpkg", FIELDS.to_crs(31467)),
 }
 
@@ -324,12 +383,38 @@ def test_what_cannot_be_honoured__is_refused_in_three_lines(stated: str, place: 
     assert len(str(refused.value).splitlines()) == 3
 
 
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("stated", [name for name in REFUSED if "metres" in name])
+def test_metres__that_count_as_degrees_are_named_with_the_file(stated: str, place: str, tmp_path: Path) -> None:
+    path = REFUSED[stated](tmp_path)
+    with pytest.raises(FurrowmapError) as refused:
+        PLACES[place](path, HERE)
+    what, meaning, remedy = str(refused.value).splitlines()
+    assert what.startswith(f"{path}: the coordinates 651")
+    assert "look like metres of a projected CRS" in meaning
+    named = {"GeoJSON": "WGS 84", "KML": "WGS 84", "metres": "EPSG:4326", "table": "names"}
+    assert named[stated.split()[0]] in meaning
+    assert ("e_m" if "table" in stated else "GIS") in remedy
+
+
 def test_names__are_those_of_the_file(tmp_path: Path) -> None:
     for word, page, folder in (("圃場", "cp932", "a"), ("Témoin", "cp1252", "b")):
         (tmp_path / folder).mkdir()
         path = attribute_page(tmp_path / folder, word, page)
         assert [field.names for field in read_fields(path)] == [(f"{word}1",), (f"{word}2",)]
         assert [parcel.id for parcel in read_parcels(path, MAP)] == [f"{word}1", f"{word}2"]
+
+
+@pytest.mark.parametrize(
+    ("page", "word"),
+    [
+        ("Shift_JIS", "圃場"), ("euc-kr", "논밭"), ("gb18030", "麦田"), ("big5", "麥田"), ("windows-874", "แปลง"),
+        ("windows-1250", "Řepka"), ("koi8-r", "Поле"), ("utf-16", "Έλος"),
+    ],
+)  # fmt: skip
+def test_names__in_kml_are_in_the_code_page_that_it_declares(page: str, word: str, tmp_path: Path) -> None:
+    path = kml(tmp_path, page=page, word=word)
+    assert [field.names for field in read_fields(path)] == [(f"{word}A1",), (f"{word}B2",)]
 
 
 def test_left_out_features__are_noticed_everywhere(tmp_path: Path) -> None:

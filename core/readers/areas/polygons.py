@@ -13,6 +13,7 @@ from pyproj import CRS
 from furrowmap.core.readers.agopengps import is_field_folder, read_outline
 from furrowmap.core.readers.areas.repair import repaired, workable
 from furrowmap.core.readers.column_names import means, unit_fault
+from furrowmap.core.readers.expected_degrees import expect_degrees
 from furrowmap.core.readers.isoxml.content import is_task_data, open_task_sets, read_content
 from furrowmap.core.readers.text_table import column_names, is_spreadsheet, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable, read_polygons
@@ -126,6 +127,8 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
     base = target.geodetic_crs if target is not None else _LONGITUDES
     crs = target if target is not None and (pair in _MAP_PAIRS or base is None) else base
     assert crs is not None
+    if pair in _DEGREE_PAIRS:
+        expect_degrees(path, xy, crs, "table")
     try:
         return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, table.notices)
     except ValueError as error:

@@ -1,10 +1,12 @@
 """Untrusted XML: elements and their attributes, without document types, entities or deep nesting."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 from xml.parsers import expat  # document types, and with them entities, are rejected below
 
+from furrowmap.core.readers.text_encoding import known_page
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.languages.texts import Text
 
@@ -66,7 +68,8 @@ def parse_xml(data: bytes, name: str) -> Element:
         what = Text("a document type, which can refer to other files and expand without limit")
         raise InputError("xml-hostile", name=name, what=what)
 
-    parser = expat.ParserCreate()
+    data, encoding = _in_known_encoding(data)
+    parser = expat.ParserCreate(encoding)
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     parser.CharacterDataHandler = add_text
@@ -80,3 +83,24 @@ def parse_xml(data: bytes, name: str) -> Element:
     except (LookupError, ValueError) as error:  # an encoding that Python does not know, or expat cannot use
         raise InputError("xml-damaged", what=f"{name}, line 1: {error}") from None
     return document.children[0]  # expat rejects a document without an element
+
+
+_DECLARED: Final = re.compile(
+    rb"""^(?:\xef\xbb\xbf)?<\?xml[^>]{0,200}?\sencoding\s*=\s*["']([A-Za-z][\w.:-]{0,40})["']"""
+)
+_OF_EXPAT: Final = ("utf-8", "utf-16", "iso8859-1", "ascii")
+
+
+def _in_known_encoding(data: bytes) -> tuple[bytes, str | None]:
+    """A document as UTF-8 if it declares a code page that expat cannot read, such as Shift_JIS or windows-874.
+
+    One that is not valid in it, or of an unknown name, stays as it is, for expat to refuse.
+    """
+    declared = _DECLARED.match(data)
+    page = known_page(declared[1].decode("ascii")) if declared is not None else None
+    if page is None or page in _OF_EXPAT:
+        return data, None
+    try:
+        return data.decode(page).encode(), "utf-8"
+    except UnicodeError:
+        return data, None

@@ -108,6 +108,15 @@ def test_mark_without_position__has_a_time_alone(tmp_path: Path) -> None:
     assert not np.isfinite(mark.lon_lat_h).any()
 
 
+@pytest.mark.parametrize("text", ["", "1;5.0;[2418.5];35.1;139.1\n", None])
+def test_marks__that_no_image_uses_are_noticed(text: str | None, tmp_path: Path) -> None:
+    """A file of another form, and one of another flight."""
+    path = image(tmp_path / "DJI_0001.JPG", FIRST)
+    (tmp_path / "Timestamp.MRK").write_text(line(7, 0.0) if text is None else text)
+    _, notices = read([path])
+    assert "Timestamp.MRK" in notices["images-marked.unused"]
+
+
 def test_fraction__behind_the_seconds_of_exif(tmp_path: Path) -> None:
     images, _ = read([image(tmp_path / "a.JPG", "2026:05:12 09:30:05.25")])
     assert images.t_s - FIRST.timestamp() == pytest.approx([0.25], abs=1e-6)

@@ -170,6 +170,7 @@ NO_HEIGHTS: Mapping[str, dict[str, Any]] = {
     "largest float32": {"holes": (float(np.finfo(np.float32).max),)},
     "1e20": {"holes": (1e20,), "dtype": "float64"},
     "least float64": {"holes": (float(np.finfo(np.float64).min),), "dtype": "float64"},
+    "infinite": {"holes": (float("inf"), float("-inf"))},
     "-9999 beside a declared -32768": {"holes": (-9999.0, -32768.0), "nodata": -32768.0},
     "-9999 of feet": {"holes": (-9999.0,), "unit": "ft", "unit_m": FEET},
 }
