@@ -7,6 +7,7 @@ what they do not state, and `--dst-crs` which CRS the output has.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -18,7 +19,8 @@ from furrowmap.core.geodesy.measurable_crs import Bounds, expect_map, proposed_c
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.crs import full_name_of, name_of
-from furrowmap.core.values.height_units import compound_crs, in_metres, vertical_unit_m
+from furrowmap.core.values.height_units import compound_crs, expect_upward, in_metres, vertical_unit_m
+from furrowmap.core.values.no_heights import NO_HEIGHTS, far_from_heights, is_any
 
 SAME_PLACE_M: Final = 1e-4
 SAME_UNIT: Final = 1e-5
@@ -36,12 +38,14 @@ class CloudSource:
         flat: its horizontal part.
         change: transformation from `flat`; None where that is the CRS of all.
         unit_m: metres in the unit of the heights.
+        no_heights: heights in the file, in its unit, that are none.
     """
 
     crs: pyproj.CRS
     flat: pyproj.CRS
     change: CrsChange | None
     unit_m: float
+    no_heights: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -79,13 +83,37 @@ def common_crs(
         changes = _changes(places, target, notices, without_option=without_option)
     sources: dict[Path, CloudSource] = {}
     for file, source, place in zip(files, whole, places, strict=True):
+        expect_upward(source, file.path)
         # without a vertical CRS heights have the unit of the horizontal one, as is usual in LAS files
         unit_m = vertical_unit_m(source) or 1.0
         if unit_m != 1.0:
             notices.append(Notice("heights-in-feet", unit_m=unit_m))
-        sources[file.path] = CloudSource(source, place.flat, changes[place.flat], unit_m)
+        none = _no_heights(file, unit_m)
+        if none:
+            values = ", ".join(f"{value:.7g}" for value in none)
+            notices.append(Notice("nodata-undeclared.cloud", path=file.path.name, values=values))
+        sources[file.path] = CloudSource(source, place.flat, changes[place.flat], unit_m, none)
     output = target if vertical is None else compound_crs(target, vertical)
     return CommonCrs(output, sources, tuple(notices))
+
+
+def _no_heights(file: CloudFile, unit_m: float) -> tuple[float, ...]:
+    """The least or greatest height of a file, in its unit, where programs write it for none, and others are far off.
+
+    Only numbers are looked for that are no land on Earth, in metres: others may be those of some points of many.
+    """
+    ends = np.array([file.header.low[2], file.header.high[2]])
+    written = np.array([number for number in NO_HEIGHTS if number <= -999.0 or number >= 9999.0])
+    near = np.abs(ends[:, None] - written) <= file.header.scale[2]
+    found = ends[near.any(axis=1)]
+    if not len(found):
+        return ()
+    z = np.concatenate([np.empty(0), *(batch.xyz_m[:, 2] for batch in islice(file.batches(batch_points=10_000), 1))])
+    z = z[~is_any(z, found, file.header.scale[2])]
+    if not len(z):
+        return ()
+    far = far_from_heights(found, float(z.min()), float(z.max()), unit_m, with_zero=False)
+    return tuple(far.tolist())
 
 
 def _source_crs(file: CloudFile, crs: pyproj.CRS | None, notices: list[Notice]) -> pyproj.CRS:

@@ -27,6 +27,7 @@ from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import name_of
+from furrowmap.core.values.no_heights import is_any
 from furrowmap.core.values.scan import PointClass
 
 NOISE_CLASSES: Final = (7, 18)
@@ -132,6 +133,8 @@ class Clouds:
                     survey.add(batch)
                 done += len(batch)
                 kept = ~batch.withheld if wanted is None else wanted(file, batch) & ~batch.withheld
+                if source.no_heights:
+                    kept &= ~is_any(batch.xyz_m[:, 2], source.no_heights, file.header.scale[2])
                 points = _placed(batch.where(kept), source)
                 points = points if source_box is box else _within(points, box)
                 yield file, points if self.area is None else points.where(self.area.contains(points.xyz_m))

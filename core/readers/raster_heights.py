@@ -22,7 +22,7 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.runtime.memory import expect_disk
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
-from furrowmap.core.values.height_units import in_metres, vertical_unit_m
+from furrowmap.core.values.height_units import expect_upward, in_metres, vertical_unit_m
 from furrowmap.core.values.no_heights import HIGHEST_M, NO_HEIGHTS, far_from_heights
 
 _SAME_FOOT: Final = 1e-5
@@ -144,6 +144,8 @@ def height_scale(raster: Any, path: Path) -> HeightScale:
     offset = float(raster.offsets[0])
     if not _may_hold_heights(raster):
         return HeightScale(crs, 1.0, number_scale, offset, (), seen=False, notices=())
+    if crs is not None:
+        expect_upward(crs, path)
     crs, stated, odd = _in_unit_of_keys(crs, stated, path)
     unit_m, notices = _height_unit(crs, stated, path)
     notices = [*odd, *notices]

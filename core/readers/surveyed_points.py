@@ -22,7 +22,13 @@ from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, Re
 from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.values.crs import full_name_of
-from furrowmap.core.values.height_units import ELLIPSOIDAL_HEIGHT, compound_crs, height_kind, vertical_unit_m
+from furrowmap.core.values.height_units import (
+    ELLIPSOIDAL_HEIGHT,
+    compound_crs,
+    expect_upward,
+    height_kind,
+    vertical_unit_m,
+)
 from furrowmap.core.values.no_heights import are_no_heights
 
 MAX_SURVEY_BYTES: Final = 50_000_000
@@ -122,6 +128,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     """
     rows = _rows_of(path, crs or target)
     source = rows.crs or _crs_of_rows(path, rows, crs or target)
+    expect_upward(source, path)
     unit_m = 1.0 if rows.metres else vertical_unit_m(source) or 1.0
     none = are_no_heights(rows.xyz[:, 2], unit_m)
     whole = np.isfinite(rows.xyz).all(axis=1) & ~none

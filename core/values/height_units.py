@@ -1,11 +1,14 @@
 """Units of heights: which a CRS states, and the same CRS with another."""
 
 import math
+from pathlib import Path
 from typing import Any, Final
 
 from pyproj import CRS
 from pyproj.crs import CompoundCRS
 from pyproj.exceptions import CRSError
+
+from furrowmap.core.runtime.errors import InputError
 
 ELLIPSOIDAL_HEIGHT: Final = "ellipsoidal height"
 
@@ -17,6 +20,13 @@ def height_kind(crs: CRS) -> str | None:
         assert metric is not None
         return str(metric.sub_crs_list[1].name)
     return ELLIPSOIDAL_HEIGHT if len(crs.axis_info) > 2 else None
+
+
+def expect_upward(crs: CRS, path: Path) -> None:
+    """Raises InputError where the heights of a file count downwards, as those of CRSs of depths do."""
+    vertical = crs.sub_crs_list[1] if crs.is_compound else None
+    if vertical is not None and vertical.axis_info[0].direction.lower() == "down":
+        raise InputError("heights-downward", path=path, vertical=vertical.name)
 
 
 def vertical_unit_m(crs: CRS) -> float | None:

@@ -1,6 +1,7 @@
 """Numbers that programs write where there is no height, told from heights by their distance to all others."""
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -31,6 +32,12 @@ def far_from_heights(candidates: FloatArray, low: float, high: float, unit_m: fl
         return candidates[(np.abs(candidates) >= 9999.0) if not with_zero else np.zeros(len(candidates), bool)]
     gap = max(high - low, _LEAST_GAP_M / abs(unit_m))
     return candidates[(candidates < low - gap) | (candidates > high + gap)]
+
+
+def is_any(numbers: FloatArray, others: Sequence[float] | FloatArray, tolerance: float) -> BoolArray:
+    """Which numbers (n,) are one of some others, to a tolerance."""
+    found: BoolArray = (np.abs(numbers[:, None] - np.asarray(others)) <= tolerance).any(axis=1)
+    return found
 
 
 def are_no_heights(numbers: FloatArray, unit_m: float) -> BoolArray:

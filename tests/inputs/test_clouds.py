@@ -115,15 +115,29 @@ PROPERTIES: Mapping[str, Made] = {
         folder / "a.las", projected=26918, vertical=5703, unit=9003
     ),
     "vertical unit in key 4099 alone": lambda folder: keys(folder / "a.las", projected=26918, unit=9003),
+    "heights of -9999 and 99999 for none": lambda folder: with_none(folder),
     "symbolic link": linked,
 }
 REFUSED: Mapping[str, Made] = {
     "gzip": lambda folder: compressed(folder),
     "no CRS": lambda folder: las(folder / "a.laz", None),
     "degrees": lambda folder: las(folder / "a.laz", "EPSG:4269"),
+    "depths, which count downwards": lambda folder: las(folder / "a.laz", "EPSG:26918+5715", -1.0),
     "a mesh in another format": lambda folder: mesh(folder),
 }
 WITH_VERTICAL = ("compound", "4099 beside")
+
+
+def with_none(folder: Path) -> Path:
+    """A quarter of the points around one of the places has no height."""
+    cloud = laspy.read(las(folder / "a.las"))
+    z = np.array(cloud.z)
+    around = np.flatnonzero(np.hypot(X - PLACES_M[0, 0], Y - PLACES_M[0, 1]) < 0.3)
+    z[around[::4]] = -9999.0
+    z[around[1]] = 99999.0
+    cloud.z = z
+    cloud.write(folder / "b.laz")
+    return folder / "b.laz"
 
 
 def compressed(folder: Path) -> Path:

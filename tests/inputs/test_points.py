@@ -226,6 +226,9 @@ REFUSED: Mapping[str, Made] = {
     "KML of metres": lambda folder: as_degrees(folder, "b.kml"),
     "metres in a CRS of degrees": lambda folder: as_degrees(folder, "b.gpkg"),
     "table of metres as longitudes and latitudes": lambda folder: as_degrees(folder, "b.csv"),
+    "depths, which count downwards": lambda folder: layer(
+        folder, "a.gpkg", TABLE.set_crs("EPSG:25832+5715", allow_override=True)
+    ),
     "gzip of a binary file": compressed,
     "lines": lines,
     "no heights": lambda folder: layer(folder, "a.gpkg", without_z()),

@@ -222,6 +222,14 @@ def test_numbers_that_are_no_heights__are_named_and_left_out(tmp_path: Path, sta
 
 
 @pytest.mark.parametrize("way", WAYS)
+def test_depths__are_refused(tmp_path: Path, way: str) -> None:
+    """A vertical CRS whose axis points down: MSL depth."""
+    with pytest.raises(InputError, match="depths") as refused:
+        WAYS[way](write(tmp_path / "a.tif", crs="EPSG:26918+5715"), PLACES)
+    assert refused.value.code == "heights-downward"
+
+
+@pytest.mark.parametrize("way", WAYS)
 def test_such_numbers_near_the_others__are_heights(tmp_path: Path, way: str) -> None:
     path = write(tmp_path / "a.tif", offset=100.0, holes=(0.0,))
     found, notices = WAYS[way](path, np.vstack([PLACES, [[EAST_M + 0.75, NORTH_M - 0.75]]]))
