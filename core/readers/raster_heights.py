@@ -23,7 +23,7 @@ from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.runtime.memory import expect_disk
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.height_units import expect_upward, in_metres, vertical_unit_m
-from furrowmap.core.values.no_heights import HIGHEST_M, NO_HEIGHTS, far_from_heights
+from furrowmap.core.values.no_heights import NO_HEIGHT_BEYOND_M, NO_HEIGHTS, far_from_heights
 
 _SAME_FOOT: Final = 1e-5
 """'ft' is written for both feet, which differ by 2e-6: the CRS then says which."""
@@ -79,7 +79,7 @@ class HeightScale:
         out: FloatArray = heights * self.factor + self.shift_m
         out[np.isinf(out)] = np.nan
         if self.seen:
-            out[np.abs(out) > HIGHEST_M] = np.nan
+            out[np.abs(out) > NO_HEIGHT_BEYOND_M] = np.nan
         return out
 
 
@@ -255,14 +255,14 @@ def _undeclared(raster: Any, factor: float, shift_m: float) -> tuple[tuple[float
         numbers = raster.read(1, window=window, masked=True).compressed().astype(np.float64)
         seen.update(np.unique(numbers[np.isinf(numbers)]).tolist())
         numbers = numbers[np.isfinite(numbers)]
-        odd = np.isin(numbers, candidates) | (np.abs(numbers * factor + shift_m) > HIGHEST_M)
+        odd = np.isin(numbers, candidates) | (np.abs(numbers * factor + shift_m) > NO_HEIGHT_BEYOND_M)
         heights = numbers[~odd]
         if len(heights):
             low = min(low, float(heights.min()))
             high = max(high, float(heights.max()))
         seen.update(np.unique(numbers[odd])[:1000].tolist())
     far = far_from_heights(candidates, low, high, factor, with_zero=0.0 in seen)
-    named = sorted(one for one in seen if one in far or abs(one * factor + shift_m) > HIGHEST_M)
+    named = sorted(one for one in seen if one in far or abs(one * factor + shift_m) > NO_HEIGHT_BEYOND_M)
     return tuple(far.tolist()), named
 
 

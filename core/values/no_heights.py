@@ -12,8 +12,8 @@ NO_HEIGHTS: Final = (
     0.0, -999.0, 999.0, -9999.0, 9999.0, -99999.0, 99999.0, -999999.0, 999999.0, -32767.0, 32767.0, -32768.0, 32768.0,
     -65535.0, 65535.0,
 )  # fmt: skip
-"""Others are the ends of a type of integers, and what lies beyond :data:`HIGHEST_M`."""
-HIGHEST_M: Final = 1e7
+"""Others are the ends of a type of integers, and what lies beyond :data:`NO_HEIGHT_BEYOND_M`."""
+NO_HEIGHT_BEYOND_M: Final = 1e7
 """No height above or below any datum: numbers such as 1e20 or the largest of a type."""
 _LEAST_GAP_M: Final = 50.0
 """Of a number that is no height from the others; more where these differ by more."""
@@ -42,7 +42,7 @@ def is_any(numbers: FloatArray, others: Sequence[float] | FloatArray, tolerance:
 
 def are_no_heights(numbers: FloatArray, unit_m: float) -> BoolArray:
     """Which of the heights (n,) of points, in a unit of `unit_m`, are none; those that are not finite are not."""
-    beyond = np.isfinite(numbers) & (np.abs(numbers * unit_m) > HIGHEST_M)
+    beyond = np.isfinite(numbers) & (np.abs(numbers * unit_m) > NO_HEIGHT_BEYOND_M)
     odd = np.isin(numbers, NO_HEIGHTS) | beyond
     heights = numbers[np.isfinite(numbers) & ~odd]
     low = float(heights.min()) if len(heights) else math.inf
