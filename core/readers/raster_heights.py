@@ -13,8 +13,7 @@ import numpy as np
 from pyproj import CRS
 from pyproj.database import get_units_map
 
-from furrowmap.core.geodesy.longitudes import unwrapped_deg
-from furrowmap.core.readers.expected_degrees import expect_degrees
+from furrowmap.core.geodesy.longitudes import expect_degrees, unwrapped_deg
 from furrowmap.core.readers.geotiff import HEIGHT_BAND_NAME, expect_heights, open_geotiff, short_keys
 from furrowmap.core.readers.vertical_keys import heights_by_keys, with_heights
 from furrowmap.core.runtime.arrays import FloatArray

@@ -11,10 +11,10 @@ import pyproj
 import shapely
 
 from furrowmap.core.geodesy.crs_change import bounds_in, crs_change, horizontal_part
+from furrowmap.core.geodesy.longitudes import FEWEST_METRES, SaidBy, expect_degrees
 from furrowmap.core.readers.agopengps import elevation_file, read_elevations
 from furrowmap.core.readers.areas.area import nothing_within, read_area
 from furrowmap.core.readers.column_names import ELLIPSOIDAL_H, means, standard_name, unit_fault
-from furrowmap.core.readers.expected_degrees import FEWEST_METRES, SaidBy, expect_degrees
 from furrowmap.core.readers.text_table import TextTable, column_names, is_spreadsheet, read_table
 from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer, said_by
 from furrowmap.core.runtime.arrays import FloatArray

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.geodesy.longitudes import SaidBy, expect_degrees
 from furrowmap.core.readers.areas.repair import workable
-from furrowmap.core.readers.expected_degrees import SaidBy, expect_degrees
 from furrowmap.core.readers.geojson import ShapeOf, joined, point_of, polygon_of, read_geojson
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.readers.ogr_layers import LAYER_MAGIC, SHAPEFILE_MAGIC, layer_info, list_layers, read_layer_arrays

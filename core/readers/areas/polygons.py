@@ -10,10 +10,10 @@ import numpy as np
 import shapely
 from pyproj import CRS
 
+from furrowmap.core.geodesy.longitudes import expect_degrees
 from furrowmap.core.readers.agopengps import is_field_folder, read_outline
 from furrowmap.core.readers.areas.repair import repaired, workable
 from furrowmap.core.readers.column_names import means, unit_fault
-from furrowmap.core.readers.expected_degrees import expect_degrees
 from furrowmap.core.readers.isoxml.content import is_task_data, open_task_sets, read_content
 from furrowmap.core.readers.text_table import column_names, is_spreadsheet, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable, read_polygons
