@@ -17,24 +17,24 @@ from furrowmap.core.runtime.languages.templates import parts_of, walk
 from furrowmap.core.runtime.languages.texts import LANGUAGES, templates, texts_of
 from tests.codes_met import MET, listed, named
 from tests.core.readers.las.test_hostile import ERRORS, NOTICES
+from tests.syntax import PARTS, files, nodes
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 TABLES_OF_TEXTS = {"core/runtime/file_signatures.py", "core/runtime/errors.py"}
 """Files that make texts of a table, which has a test of its own: kinds of files, parts of messages."""
 MAKERS = {"FurrowmapError", "UsageError", "InputError", "RefusedError", "Notice"}
-PARTS = ("app", "core", "exporters", "cli")
 
 
-def sources() -> Iterator[tuple[str, ast.Module]]:
-    for part in PARTS:
-        for file in sorted((CHECKOUT / part).rglob("*.py")):
-            yield str(file.relative_to(CHECKOUT)), ast.parse(file.read_text(encoding="utf-8"))
+def sources() -> Iterator[tuple[str, tuple[ast.AST, ...]]]:
+    """Each file of the product, and all nodes of its syntax."""
+    for path in files(*PARTS):
+        yield str(path.relative_to(CHECKOUT)), nodes(path)
 
 
 def test_messages__are_made_with_the_values_of_their_sentences() -> None:
     made = 0
-    for name, tree in sources():
-        for call in ast.walk(tree):
+    for name, found in sources():
+        for call in found:
             if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id in MAKERS:
                 given = {keyword.arg for keyword in call.keywords}
                 chosen = call.args[0]
@@ -46,8 +46,8 @@ def test_messages__are_made_with_the_values_of_their_sentences() -> None:
 
 
 def test_texts__are_in_every_language_with_their_values() -> None:
-    for name, tree in sources():
-        for call in ast.walk(tree):
+    for name, found in sources():
+        for call in found:
             if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Text":
                 given = {keyword.arg for keyword in call.keywords}
                 chosen = call.args[0]
@@ -73,11 +73,11 @@ def names_in(template: str) -> set[str]:
 
 
 def test_messages__of_the_catalogue_are_used() -> None:
-    texts = {node.value for _, tree in sources() for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    texts = {node.value for _, found in sources() for node in found if isinstance(node, ast.Constant)}
     pieces = {
         "".join(v.value if isinstance(v, ast.Constant) else "*" for v in node.values)
-        for _, tree in sources()
-        for node in ast.walk(tree)
+        for _, found in sources()
+        for node in found
         if isinstance(node, ast.JoinedStr)
     }
     patterns = [re.compile(re.escape(piece).replace(r"\*", "[a-z0-9-]+")) for piece in pieces if "." in piece]

@@ -114,8 +114,7 @@ SAMPLES = (
         LIVE | {"broker": "the broker of `--mqtt`"},
     ),
     Sample("record -o recorded --ports {scanner} --gnss tcp://127.0.0.1:{receiver} --duration 6", RECORD),
-    Sample("batch drive -o results --workers 1"),
-    Sample("batch drive -o results_of_two --workers 2", {"uname": "`uname`"}),
+    Sample("batch drive -o results --workers 2", {"uname": "`uname`"}),
     Sample("batch s3://season/in -o s3://season/out --workers 1", STORE, variables=AWS | KEYS),
     Sample(
         "batch s3://season/in -o s3://season/out --workers 1",
