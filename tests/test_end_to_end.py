@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import importlib.util
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -103,16 +104,25 @@ def tool_module(shared_data: Path, name: str) -> ModuleType:
     return module
 
 
-def test_with_the_true_trajectory_the_ground_is_as_sharp_as_the_sensor(shared_data: Path, tmp_path: Path) -> None:
-    name = "tractor_loop"
-    session = session_folder(shared_data, name, tmp_path / "recording", truth=True)
-    furrowmap.run(session, tmp_path / "result")
-    judge = Judge(shared_data, name)
-    ground = judge.cloud(tmp_path / "result")["ground_raw"]
+def loop_by_the_truth(shared_data: Path, run_once: RunOnce) -> furrowmap.Result:
+    """A drive by its true trajectory, of a session that states no implement."""
+
+    def session_in(folder: Path) -> Path:
+        session = session_folder(shared_data, "tractor_loop", folder, truth=True)
+        session.write_text(re.sub(r"(?ms)^\[implement\].*?(?=^\[)", "", session.read_text()))
+        return session
+
+    return run_once("loop_by_the_truth", session_in)
+
+
+def test_with_the_true_trajectory_the_ground_is_as_sharp_as_the_sensor(shared_data: Path, run_once: RunOnce) -> None:
+    result = loop_by_the_truth(shared_data, run_once)
+    judge = Judge(shared_data, "tractor_loop")
+    ground = judge.cloud(result.path)["ground_raw"]
     assert ground["nmad_m"] <= 0.009
     assert ground["abs_p90_m"] <= 0.017
     assert abs(ground["median_m"]) <= 0.0015
-    found = judge.trajectory(tmp_path / "result")
+    found = judge.trajectory(result.path)
     raw = found["raw"]
     assert raw["horizontal_rmse_m"] < 1e-4
     assert max(raw["roll_rmse_deg"], raw["pitch_rmse_deg"], raw["heading_rmse_moving_deg"]) < 1e-3

@@ -20,11 +20,10 @@ import pytest
 import rasterio
 from playwright.sync_api import Browser
 
-import furrowmap
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.exporters.reports.drawings import ACTIVITIES
 from furrowmap.exporters.reports.html_pages import duration_words
-from tests.test_end_to_end import TRACTORS, RunOnce, rover_session, session_folder, tool_module
+from tests.test_end_to_end import TRACTORS, RunOnce, loop_by_the_truth, rover_session, session_folder, tool_module
 
 AREA_LAYERS = ("zones", "passes", "coverage", "overlaps", "misses")
 
@@ -213,18 +212,17 @@ def test_page__in_a_browser_asks_for_nothing_fits_its_width_and_prints(
     page.close()
 
 
-def test_a_session_without_implement_has_states_but_no_ground(shared_data: Path, tmp_path: Path) -> None:
-    session = session_folder(shared_data, "tractor_loop", tmp_path / "in", truth=True)
-    session.write_text(re.sub(r"(?ms)^\[implement\].*?(?=^\[)", "", session.read_text()))
-    report = furrowmap.run(session, tmp_path / "out").report
+def test_a_session_without_implement_has_states_but_no_ground(shared_data: Path, run_once: RunOnce) -> None:
+    result = loop_by_the_truth(shared_data, run_once)
+    report, out = result.report, result.path
     assert report["session"]["implement"] is None
     assert "implement-not-stated" in {warning["code"] for warning in report["warnings"]}
     assert report["figures"]["implement"]["transitions"] == 6
     assert "worked_area_m2" not in report["figures"]
-    assert pyogrio.list_layers(tmp_path / "out" / "field.gpkg")[:, 0].tolist() == ["trajectory", "layer_styles"]
-    track = pyogrio.read_dataframe(tmp_path / "out" / "field.gpkg", layer="trajectory", read_geometry=False)
+    assert pyogrio.list_layers(out / "field.gpkg")[:, 0].tolist() == ["trajectory", "layer_styles"]
+    track = pyogrio.read_dataframe(out / "field.gpkg", layer="trajectory", read_geometry=False)
     assert set(track["implement"]) == {"down", "up"}
-    assert "how wide it is" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "how wide it is" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_rover_has_no_implement_and_a_page_all_the_same(shared_data: Path, run_once: RunOnce) -> None:
