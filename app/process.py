@@ -5,10 +5,14 @@ import gc
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Final
 
 CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
@@ -18,6 +22,8 @@ _M_TRIM_THRESHOLD: Final = -1
 _M_MMAP_THRESHOLD: Final = -3
 _M_ARENA_MAX: Final = -8
 """Parameters of mallopt(3)."""
+_NOT_FOR_US: Final = {"pyogrio": ("geopandas", "pandas", "pyarrow"), "rasterio": ("boto3",)}
+"""What libraries import wherever it is installed, for functions of theirs that furrowmap does not call."""
 
 
 @cache
@@ -101,6 +107,60 @@ def keep_freed_memory() -> None:
 def keep_collections_rare() -> None:
     """Let Python look for cycles once 5,000 objects were made, not 700: a tenth of a second of each start."""
     gc.set_threshold(max(5_000, gc.get_threshold()[0]))
+
+
+def leave_out_unused() -> None:
+    """Let libraries be imported without what furrowmap does not ask of them: 0.6 s of each start.
+
+    For processes that run furrowmap alone. A program that uses it may ask pyogrio for tables of geopandas.
+    """
+    if not any(isinstance(finder, _FinderWithout) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _FinderWithout())
+
+
+class _FinderWithout(MetaPathFinder):
+    """Finds libraries as the others do, and has them loaded as if what they do not need were not installed."""
+
+    def __init__(self) -> None:
+        self._finding = set[str]()
+
+    def find_spec(
+        self,
+        fullname: str,
+        path: Sequence[str] | None,  # noqa: ARG002 (the protocol's arguments)
+        target: ModuleType | None = None,  # noqa: ARG002
+    ) -> ModuleSpec | None:
+        """The module's specification; None for others than these libraries."""
+        if fullname not in _NOT_FOR_US or fullname in self._finding:
+            return None
+        self._finding.add(fullname)
+        spec = find_spec(fullname)
+        if spec is not None and spec.loader is not None:
+            spec.loader = _LoaderWithout(spec.loader, _NOT_FOR_US[fullname])
+        return spec
+
+
+class _LoaderWithout(Loader):
+    """Loads a module while some others seem not to be installed."""
+
+    def __init__(self, loader: Loader, names: tuple[str, ...]) -> None:
+        self._loader = loader
+        self._names = names
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
+        """As the loader itself does."""
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Load it, and let the others be imported afterwards."""
+        hidden = [name for name in self._names if name not in sys.modules]
+        for name in hidden:
+            sys.modules[name] = None  # type: ignore[assignment]  # to Python, it is not installed
+        try:
+            self._loader.exec_module(module)
+        finally:
+            for name in hidden:
+                del sys.modules[name]
 
 
 @contextmanager

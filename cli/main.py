@@ -20,7 +20,7 @@ from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
 from furrowmap.core.runtime.languages.texts import LANGUAGES, Text, Words
 from furrowmap.core.runtime.settings import using
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
-from furrowmap.process import keep_out_current_folder
+from furrowmap.process import keep_out_current_folder, leave_out_unused
 
 COMMANDS: Final = {
     "init": "session_commands", "inspect": "session_commands", "record": "record_commands", "run": "run_commands",
@@ -111,6 +111,7 @@ def _put_versions(*, as_json: bool) -> None:
 def main() -> NoReturn:
     """The console command."""
     keep_out_current_folder()
+    leave_out_unused()
     sys.unraisablehook = drop_interrupt
     signal.signal(signal.SIGINT, INTERRUPTION)
     signal.signal(signal.SIGTERM, INTERRUPTION)

@@ -8,7 +8,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from typing import Any, Final, Protocol, TypeVar
 
-from furrowmap.process import prepare_process
+from furrowmap.process import leave_out_unused, prepare_process
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
@@ -99,6 +99,7 @@ def _renewed(worker: _Worker | None) -> _Worker:
 def _serve(pipe: Connection) -> None:
     """Do what comes through the pipe until it is closed; end with the parent, whatever ends that."""
     prepare_process()
+    leave_out_unused()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     from furrowmap.warm_up import reporting_compilation  # it imports numba
 
