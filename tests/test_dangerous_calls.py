@@ -110,7 +110,7 @@ READS = {
     "rasterio.open", "laspy.open", "laspy.read", "laspy.CopcReader.open", "csv.reader", "csv.DictReader", "open",
     "io.open", "os.open", "mmap.mmap", "np.loadtxt", "np.genfromtxt", "np.fromfile", "np.memmap", "Image.open",
     "zipfile.ZipFile", "gzip.open", "lzma.open", "sqlite3.connect", "cv2.imread", "cv2.VideoCapture",
-    "read_dataframe", "tomllib.load", "json.load", "Source", "open_plain", "read_plain_text", "read_plain_bytes",
+    "read_dataframe", "tomllib.load", "json.load", "Source", "open_plain", "read_plain_text", "read_plain_bytes", "read_own",
     "read_small",
 }  # fmt: skip
 """Open a file to be read, as do the methods below."""
@@ -158,6 +158,7 @@ NO_INPUTS = {
     "core/live/difference.py": "a live session's products",
     "core/runtime/arrays.py": "memory", "core/runtime/memory.py": "the system's figures",
     "core/runtime/languages/catalogue.py": "messages of the package",
+    "core/runtime/file_names.py": "files of a folder, for others here",
     "core/runtime/languages/texts.py": "texts of the package",
     "core/session/examination.py": "a list of the package; readers",
     "exporters/cloud/writer.py": "clouds of its own", "exporters/exchange/textured_mesh.py": "memory",

@@ -91,7 +91,8 @@ def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = si
     """
     camera = frames.camera
     reduction = 1
-    while 3 * len(frames) * camera.width * camera.height / reduction**2 > MAX_PIXEL_BYTES:
+    least = min(camera.width, camera.height)
+    while 3 * len(frames) * camera.width * camera.height / reduction**2 > MAX_PIXEL_BYTES and 2 * reduction <= least:
         reduction *= 2
     small = camera.reduced(reduction)
     rgb = arrays.zeros((len(frames), small.height, small.width, 3), np.uint8)

@@ -1,5 +1,6 @@
 """Names that were read from a file and become paths: they stay inside the folder that they belong to."""
 
+import errno
 import fnmatch
 import os
 import re
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.plain_reads import read_plain_bytes
 
 MAX_NAME_BYTES: Final = 255
 """Longest name of a file, in UTF-8, on the usual file systems."""
@@ -80,6 +82,17 @@ def inside(folder: Path, name: str, source: Path) -> Path:
     if is_file_name(name) and not leads_out(folder / name, folder):
         return folder / name
     raise InputError("name-outside", source=source, name=name, folder=folder)
+
+
+def read_own(folder: Path, name: str) -> bytes:
+    """The bytes of a file of a folder, such as a report among earlier products.
+
+    Raises OSError, also for what is no regular file, and for a link that leads out of the folder.
+    """
+    path = folder / name
+    if leads_out(path, folder):
+        raise OSError(errno.ELOOP, "it is a link that leads out of its folder", str(path))
+    return read_plain_bytes(path)
 
 
 MAX_ENTRIES: Final = 200_000

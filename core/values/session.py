@@ -195,8 +195,8 @@ class CameraSource(TomlTable, frozen=True):
     files: tuple[str, ...] = ()
     topic: str | None = None
     every_s: Annotated[float, Meta(ge=0.0)] = 0.0
-    width: Annotated[int, Meta(ge=1)] | None = None
-    height: Annotated[int, Meta(ge=1)] | None = None
+    width: Annotated[int, Meta(ge=1, le=65_535)] | None = None  # as in JPEG
+    height: Annotated[int, Meta(ge=1, le=65_535)] | None = None
     fx: _Positive | None = None
     fy: _Positive | None = None
     cx: float | None = None

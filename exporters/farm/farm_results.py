@@ -1,6 +1,7 @@
 """The results of `furrowmap run` and of `furrowmap fields` as a farm map takes them: sessions with their layers."""
 
 import datetime as dt
+import errno
 import hashlib
 import json
 import re
@@ -20,8 +21,8 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.readers.ogr_layers import layer_info, list_layers
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.file_names import leads_out, resolved
-from furrowmap.core.runtime.plain_reads import expect_plain_file, read_plain_bytes
+from furrowmap.core.runtime.file_names import leads_out, read_own, resolved
+from furrowmap.core.runtime.plain_reads import open_plain, read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.farm.farm_memory_tables import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.result_folder import (
@@ -125,7 +126,7 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
             _facts(result),
             {
                 "furrowmap": str(result.report["furrowmap"]),
-                "report": (folder / REPORT).read_text("utf-8"),
+                "report": read_own(folder, REPORT).decode("utf-8"),
                 "session_toml": session.read_text("utf-8", errors="replace")
                 if session.is_file() and not leads_out(session, folder)
                 else None,
@@ -137,9 +138,10 @@ def products_digest(place: Path) -> str:
     """The hash of what a farm map was made from: a result folder, or the file of `furrowmap fields`. Raises OSError."""
     if not place.is_dir():
         return hashlib.sha256(read_plain_bytes(place)).hexdigest()
-    digest = hashlib.sha256(read_plain_bytes(place / REPORT))
-    expect_plain_file(place / FIELD)
-    with (place / FIELD).open("rb") as file:
+    digest = hashlib.sha256(read_own(place, REPORT))
+    if leads_out(place / FIELD, place):
+        raise OSError(errno.ELOOP, "it is a link that leads out of its folder", str(place / FIELD))
+    with open_plain(place / FIELD) as file:
         digest.update(hashlib.file_digest(file, "sha256").digest())
     return digest.hexdigest()
 

@@ -18,8 +18,8 @@ from furrowmap.core.readers.ogr_layers import list_layers
 from furrowmap.core.readers.sqlite_file import SIDECARS
 from furrowmap.core.readers.vector_file import VectorLayer, read_vector_layer
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.core.runtime.file_names import inside, resolved
-from furrowmap.core.runtime.plain_reads import expect_plain_file, read_plain_bytes
+from furrowmap.core.runtime.file_names import inside, read_own, resolved
+from furrowmap.core.runtime.plain_reads import expect_plain_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import recover, refuse_products
 
@@ -240,7 +240,7 @@ def open_result(folder: Path) -> ResultFolder:
         except OSError as error:
             raise unreadable(path, error) from None
     try:
-        report = msgspec.json.decode(read_plain_bytes(folder / REPORT), type=dict[str, Any])
+        report = msgspec.json.decode(read_own(folder, REPORT), type=dict[str, Any])
         msgspec.convert(report, _Report)
     except (FileNotFoundError, NotADirectoryError):
         raise InputError("no-result", folder=folder) from None

@@ -26,10 +26,9 @@ from furrowmap.core.pipeline.run import run as run_session
 from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.arrays import release
 from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.file_names import read_own, resolved
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.packed import packed, unpacked
-from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user, threads, using, using_threads
 from furrowmap.core.session.opened import OpenSession
@@ -186,7 +185,7 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
         return None
     inputs = file_records(opened.inputs.all, resolved(opened.file).parent, progress)
     try:
-        earlier = json.loads(read_plain_text(folder / REPORT))
+        earlier = json.loads(read_own(folder, REPORT))
         same = _recordings(earlier["session"], earlier["inputs"]) == _recordings(
             msgspec.to_builtins(opened.session), plain(inputs)
         )

@@ -16,9 +16,8 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError, UsageError
-from furrowmap.core.runtime.file_names import is_file_name, resolved
+from furrowmap.core.runtime.file_names import is_file_name, read_own, resolved
 from furrowmap.core.runtime.json_text import json_text
-from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs import name_of
@@ -86,7 +85,7 @@ def unchanged_parts(folder: Path, parts: Mapping[str, Planned]) -> dict[str, Any
     """The accounts of the parts that an earlier season in a folder has already, with the same keys, by name."""
     accounts: dict[str, Any] = {}
     try:
-        earlier = json.loads(read_plain_bytes(folder / SEASON))["parts"]
+        earlier = json.loads(read_own(folder, SEASON))["parts"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return accounts
     for name, part in parts.items():

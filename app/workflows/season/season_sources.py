@@ -17,8 +17,7 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.measurable_crs import expect_map
 from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
-from furrowmap.core.runtime.file_names import is_file_name, resolved
-from furrowmap.core.runtime.plain_reads import read_plain_bytes
+from furrowmap.core.runtime.file_names import inside, read_own, resolved
 from furrowmap.core.values.crs import crs_of_file, name_of
 from furrowmap.exporters.exchange.stac import session_identifier
 from furrowmap.exporters.farm.farm_results import local_date, zone_of
@@ -139,10 +138,10 @@ def _folders(source: Path, out: Path) -> Iterator[tuple[Path, list[str]]]:
 def _moved_surfaces(tie: Path) -> Iterator[tuple[Path, Path]]:
     """The result that each surface of a tie belongs to, and the surface."""
     with reading_result(tie / TIE_REPORT):
-        dates = json.loads(read_plain_bytes(tie / TIE_REPORT))["dates"]
+        dates = json.loads(read_own(tie, TIE_REPORT))["dates"]
         for row in dates:
-            if row["surface"] and is_file_name(row["surface"]):
-                yield resolved(Path(row["folder"])), tie / row["surface"]
+            if row["surface"]:
+                yield resolved(Path(row["folder"])), inside(tie, row["surface"], tie / TIE_REPORT)
 
 
 def _session(result: ResultFolder, moved: Path | None) -> SeasonSession:

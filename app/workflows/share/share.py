@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.file_names import read_own, resolved
 from furrowmap.core.runtime.json_text import json_text
-from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
@@ -46,7 +45,7 @@ def write_report_page(
     """
     source = Path(result) / REPORT_PAGE
     try:
-        page = read_plain_text(source)
+        page = read_own(Path(result), REPORT_PAGE).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError("result-unreadable", source=source, error=error) from None
     page = in_language(page, language or language_of_user(language_of(page)))

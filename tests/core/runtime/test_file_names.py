@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path, PureWindowsPath
 
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.file_names import inside, is_file_name, is_portable_name
+from furrowmap.core.runtime.file_names import inside, is_file_name, is_portable_name, read_own
 
 PARTS = st.sampled_from(
     [
@@ -86,3 +87,20 @@ def test_promise_23__link_that_leads_out_is_refused_and_one_inside_taken(tmp_pat
 def test_new_names__are_such_that_windows_takes_them(name: str) -> None:
     assert not is_portable_name(name)
     assert is_portable_name("圃場 3 (north), 50 %")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need rights on Windows")
+def test_promise_23__a_file_of_a_folder_is_not_read_through_a_link_that_leads_out(tmp_path: Path) -> None:
+    folder = tmp_path / "result"
+    folder.mkdir()
+    (tmp_path / "secret.json").write_bytes(b"secret")
+    (folder / "own.json").write_bytes(b"own")
+    (folder / "within.json").symlink_to("own.json")
+    (folder / "out.json").symlink_to(tmp_path / "secret.json")
+    (folder / "nowhere.json").symlink_to("gone.json")
+    os.mkfifo(folder / "pipe.json")
+    assert [read_own(folder, name) for name in ("own.json", "within.json")] == [b"own", b"own"]
+    for name in ("out.json", "nowhere.json", "pipe.json", "missing.json"):
+        with pytest.raises(OSError, match=r".") as refused:
+            read_own(folder, name)
+        assert name in str(refused.value)
