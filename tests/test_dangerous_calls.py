@@ -110,8 +110,8 @@ READS = {
     "rasterio.open", "laspy.open", "laspy.read", "laspy.CopcReader.open", "csv.reader", "csv.DictReader", "open",
     "io.open", "os.open", "mmap.mmap", "np.loadtxt", "np.genfromtxt", "np.fromfile", "np.memmap", "Image.open",
     "zipfile.ZipFile", "gzip.open", "lzma.open", "sqlite3.connect", "cv2.imread", "cv2.VideoCapture",
-    "read_dataframe", "tomllib.load", "json.load", "Source", "open_plain", "read_plain_text", "read_plain_bytes", "read_own",
-    "read_small",
+    "read_dataframe", "tomllib.load", "json.load", "Source", "open_plain", "read_plain_text", "read_plain_bytes",
+    "read_own", "read_small",
 }  # fmt: skip
 """Open a file to be read, as do the methods below."""
 READING_METHODS = {"open", "read_text", "read_bytes", "read_info", "list_layers"}
