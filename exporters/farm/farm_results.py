@@ -22,7 +22,7 @@ from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.readers.ogr_layers import layer_info, list_layers
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out, read_own, resolved
-from furrowmap.core.runtime.plain_reads import open_plain, read_plain_bytes
+from furrowmap.core.runtime.plain_reads import expect_plain_file, read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.farm.farm_memory_tables import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.result_folder import (
@@ -141,7 +141,8 @@ def products_digest(place: Path) -> str:
     digest = hashlib.sha256(read_own(place, REPORT))
     if leads_out(place / FIELD, place):
         raise OSError(errno.ELOOP, "it is a link that leads out of its folder", str(place / FIELD))
-    with open_plain(place / FIELD) as file:
+    expect_plain_file(place / FIELD)
+    with (place / FIELD).open("rb") as file:
         digest.update(hashlib.file_digest(file, "sha256").digest())
     return digest.hexdigest()
 
