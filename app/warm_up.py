@@ -17,7 +17,7 @@ import numba
 from numba.core import event
 from numba.core.errors import NumbaError
 
-from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import Text, joined
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user, threads
 from furrowmap.process import CACHE_VARIABLE, prepare_process
@@ -74,9 +74,9 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
         nonlocal helper
         own = _listed([command]) if command else {}
         seconds = sum(map(len, (own or _listed([MOST_KERNELS])).values())) / KERNELS_A_SECOND / threads()
-        if seconds >= WORTH_SAYING_S:
-            text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. "
-            say(translated(text + "furrowmap warm-up compiles everything in advance.", language_of_user()))
+        text = Text("Compiling kernels for this machine, once: up to {seconds:.0f} s.", seconds=seconds)
+        more = Text("furrowmap warm-up compiles everything in advance.")
+        say(joined((text, more), ".", language_of_user()))
         if command and own and threads() > 1:
             options = ["--quiet", "--threads", str(threads() - 1)]
             helper = subprocess.Popen(  # noqa: S603 (this interpreter)

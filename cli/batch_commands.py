@@ -12,7 +12,6 @@ from furrowmap.cli.command_options import Paths, command, files, flag, output, o
 from furrowmap.cli.console import Console
 from furrowmap.cli.result_tables import table, written
 from furrowmap.core.runtime.errors import printable
-from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.margins import with_margin
 from furrowmap.settings import BatchSettings, SeasonSettings, TieSettings
@@ -75,8 +74,7 @@ def _done(found: Batch) -> str:
     lines = [f"{printable(str(found.results))}:", table(rows)]
     for row in failed:
         assert row.outcome.failure is not None
-        error = row.outcome.failure
-        told = (translated(line, language_of_user(), error.code) for line in error.lines)
+        told = row.outcome.failure.lines_in(language_of_user())
         lines += [f"{printable(row.name)}:", *(f"  {line}" for line in told)]
     return "\n".join(lines)
 

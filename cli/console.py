@@ -13,7 +13,7 @@ import click
 
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.core.runtime.errors import FurrowmapError, Notice, printable
-from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import Text, texts_of
 from furrowmap.core.runtime.progress import Progress, Step
 from furrowmap.core.runtime.settings import language_of_user
 
@@ -60,15 +60,16 @@ class Console:
     def warn_of(self, account: Mapping[str, Any]) -> None:
         """Write the warnings in the report of finished work, each cause before what it explains."""
         for warning in account["warnings"]:
-            text = translated(warning["text"], language_of_user(), warning["code"])
+            text = warning.get(f"text_{language_of_user()}") or warning["text"]
             self.put_warning(warning["code"], text, explained=warning.get("follows") is not None)
 
     def put_warning(self, code: str, text: str, *, explained: bool = False) -> None:  # noqa: ARG002 (programs read the code)
         """Write the text of a warning; one that is explained by the warning before stands under that."""
         if explained:
-            click.echo(f"  {translated('explains:', language_of_user())} {printable(text)}", err=True)
+            explains = Text("explains:").in_language(language_of_user())
+            click.echo(f"  {explains} {printable(text)}", err=True)
         else:
-            line = f"{translated('warning:', language_of_user())} {printable(text)}"
+            line = f"{Text('warning:').in_language(language_of_user())} {printable(text)}"
             click.secho(line, err=True, fg="yellow", color=colour())
 
     def reporting_compilation(self) -> AbstractContextManager[None]:
@@ -159,7 +160,7 @@ class _WholeBar:
         self._stage = ""
         self._percent = 0
         names = ", ".join(_step_words(step.name) for step in steps)
-        click.echo(f"{translated('steps:', language_of_user())} {names}", err=True)
+        click.echo(f"{Text('steps:').in_language(language_of_user())} {names}", err=True)
 
     def show(self, stage: str, share: float) -> None:
         """Take the progress of a stage, and draw that of all steps."""
@@ -203,7 +204,7 @@ class _WholeBar:
 
 
 def _step_words(step: str) -> str:
-    return translated(step, language_of_user(), "run-words")
+    return texts_of(language_of_user()).get(step, step)
 
 
 def _draw_bar(stage: str, percent: int, clock: str) -> None:

@@ -18,7 +18,7 @@ from furrowmap.cli.command_options import command, flag, numbers, option, output
 from furrowmap.cli.console import CLEARED_LINE, Console
 from furrowmap.cli.result_tables import table
 from furrowmap.core.runtime.errors import Notice, UsageError, printable
-from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.settings import language_of_user
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def record(
             click.echo(CLEARED_LINE, nl=False, err=True)
         console.warn_all(told.begun)
         for notice in told.ended:
-            console.say(f"{translated('over:', language)} {printable(notice.text_in(language))}")
+            console.say(f"{Text('over:').in_language(language)} {printable(notice.text_in(language))}")
         line = printable(told.status.summary.text_in(language))
         if sys.stderr.isatty():
             click.echo(line, nl=False, err=True)

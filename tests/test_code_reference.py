@@ -20,8 +20,12 @@ from tests.core.readers.las.test_hostile import ERRORS, NOTICES
 from tests.syntax import PARTS, files, nodes
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-TABLES_OF_TEXTS = {"core/runtime/file_signatures.py", "core/runtime/errors.py"}
-"""Files that make texts of a table, which has a test of its own: kinds of files, parts of messages."""
+TABLES_OF_TEXTS = {
+    "core/runtime/file_signatures.py",
+    "core/runtime/errors.py",
+    "core/runtime/languages/texts.py",
+}
+"""Files that make texts of a table, which has a test of its own: kinds of files, parts of messages, labels."""
 MAKERS = {"FurrowmapError", "UsageError", "InputError", "RefusedError", "Notice"}
 
 

@@ -46,7 +46,7 @@ ALLOWED = {
     ("cli/farm_commands.py", "form.format"): "forms that the module states",
     ("exporters/farm/postgis.py", "known.format"): "psycopg's SQL, which quotes",
     ("exporters/farm/postgis.py", "query.format"): "psycopg's SQL, which quotes",
-    ("exporters/reports/html_pages.py", "form.format"): "forms that the package's templates state",
+    ("exporters/reports/quantity_words.py", "form.format"): "forms that the package's templates state",
     ("exporters/vectors/field_layers.py", "_TOOL_COLUMNS[name].format"): "a list of the module",
     ("plugin/dock/base_map_chooser.py", "text.format"): "a translation of the plugin",
     ("plugin/dock/dock.py", "text.format"): "a translation of the plugin",
@@ -157,7 +157,6 @@ NO_INPUTS = {
     "core/geodesy/crs_choice.py": "tables of the package",
     "core/live/difference.py": "a live session's products",
     "core/runtime/arrays.py": "memory", "core/runtime/memory.py": "the system's figures",
-    "core/runtime/languages/catalogue.py": "messages of the package",
     "core/runtime/file_names.py": "files of a folder, for others here",
     "core/runtime/languages/texts.py": "texts of the package",
     "core/session/examination.py": "a list of the package; readers",
@@ -170,7 +169,7 @@ NO_INPUTS = {
     "exporters/files/result_folder.py": "results", "exporters/files/staging.py": "its own notes",
     "exporters/rasters/web_images.py": "memory", "exporters/rasters/relief.py": "the cloud of a result",
     "exporters/reports/html_pages.py": "templates of the package", "exporters/share/page.py": "files of the package",
-    "exporters/share/shown_layers.py": "a list of the package", "exporters/vectors/geopackage.py": "layers of results",
+    "exporters/vectors/geopackage.py": "layers of results",
     "exporters/vectors/labels.py": "a list of the package",
 }  # fmt: skip
 """Files that open what no user gives as an input."""

@@ -72,6 +72,9 @@ FACTORS: Final = {
 """Factors and directions."""
 POINTS: Final = {
     "core/values/margins.py with_margin(digits)": 1,  # decimals of a figure without a margin
+    "exporters/reports/quantity_words.py margin_words(factor)": 1.0,
+    "exporters/reports/quantity_words.py with_margin_words(factor)": 1.0,
+    "exporters/reports/quantity_words.py with_margin_words(digits)": 1,
     "exporters/cloud/point_batches.py PointBatch.return_number": 1,  # LAS counts returns from 1
     "exporters/cloud/point_batches.py PointBatch.returns": 1,
     "exporters/cloud/point_batches.py PointBatch.classification": 1,  # LAS: unclassified

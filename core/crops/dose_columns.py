@@ -7,12 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.parcel import Parcel
 
 DOSE_WORDS: Final = ("n_kg_ha", "dose", "rate", "kg_ha")
 """What the names of columns with doses contain, the first that is found."""
 _COLUMN_UNITS: Final = {"dt_ha": "dt/ha", "kg_ha": "kg/ha", "t_ha": "t/ha", "m": "m", "m2": "m²", "m3": "m³"}
-_NUTRIENTS: Final = {"n": "nitrogen", "p": "phosphorus", "k": "potassium"}
+_NUTRIENTS: Final = {"n": Text("nitrogen"), "p": Text("phosphorus"), "k": Text("potassium")}
+_MEASURES: Final = {"mean_height_m": Text("mean height (m)")}
+"""Columns of our own with names in other languages, too."""
 
 
 def dose_name(parcels: Sequence[Parcel], stated: str | None = None) -> str | None:
@@ -40,10 +43,15 @@ def dose_unit(name: str | None) -> str:
     return next((unit for suffix, unit in _COLUMN_UNITS.items() if "_ha" in suffix and low.endswith(suffix)), "")
 
 
-def column_words(name: str) -> str:
+def column_words(name: str) -> Words:
     """The name of a column for people, with its unit: "nitrogen (kg/ha)" for `n_kg_ha`."""
+    if name.casefold() in _MEASURES:
+        return _MEASURES[name.casefold()]
     for suffix, unit in _COLUMN_UNITS.items():
         if name.casefold().endswith(f"_{suffix}"):
             words = name[: -len(suffix) - 1].replace("_", " ")
-            return f"{_NUTRIENTS.get(words.casefold(), words)} ({unit})"
+            nutrient = _NUTRIENTS.get(words.casefold())
+            if nutrient is not None:
+                return Text("{nutrient} ({unit})", nutrient=nutrient, unit=unit)
+            return f"{words} ({unit})"
     return name.replace("_", " ")

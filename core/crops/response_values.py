@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from furrowmap.core.crops.response_models import ModelName
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.languages.texts import Text
 
 
 @dataclass(frozen=True)
@@ -117,9 +118,9 @@ class Response:
     band_high: FloatArray
     expected: FloatArray
     residual: FloatArray
-    sentences: tuple[str, ...] = ()
+    sentences: tuple[Text, ...] = ()
 
     @property
     def words(self) -> str:
         """What the data show."""
-        return " ".join(self.sentences)
+        return " ".join(map(str, self.sentences))

@@ -16,6 +16,7 @@ from furrowmap.core.crops.trial_tables import SITE, SPLIT, TREATMENT
 from furrowmap.core.crops.trial_variance import TrialFactors, Variance, analysis_of_variance, nested_probability
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.parcel import Parcel
 
 MIN_SITES: Final = 3
@@ -72,7 +73,7 @@ class Trial:
     parts: tuple[TrialPart, ...]
     differs: Mapping[str, float]
     variance: Variance | None
-    sentences: tuple[str, ...]
+    sentences: tuple[Text, ...]
     notices: tuple[Notice, ...]
 
 
@@ -121,24 +122,24 @@ def analyse_trial(parcels: Sequence[Parcel], value: FloatArray, plan: TrialPlan)
                     np.where(own, dose, np.nan), value, block, question, covariates if by == SITE else None
                 )
                 parts.append(TrialPart(by, label, alone))
-    said = response.sentences if response is not None else ("The parcels have no doses.",)
+    said = response.sentences if response is not None else (Text("The parcels have no doses."),)
     sentences = (*said, *_difference_words(differs))
     return Trial(name, dose, labels, response, tuple(parts), differs, variance, sentences, tuple(notices))
 
 
-def _difference_words(differs: Mapping[str, float]) -> list[str]:
+def _difference_words(differs: Mapping[str, float]) -> list[Text]:
     sentences = []
     for by, p in differs.items():
-        if by == "split":
+        if by == "split" and p <= MAX_P:
+            sentences.append(Text("Equal sums of different single doses differ (p = {p:.2g}).", p=p))
+        elif by == "split":
             sentences.append(
-                f"Equal sums of different single doses differ (p = {p:.2g})."
-                if p <= MAX_P
-                else f"No difference between equal sums of different single doses is shown (p = {p:.2g})."
+                Text("No difference between equal sums of different single doses is shown (p = {p:.2g}).", p=p)
             )
         elif p <= MAX_P:
-            sentences.append(f"The response differs by {by} (p = {p:.2g}): read each alone.")
+            sentences.append(Text("The response differs by {by} (p = {p:.2g}): read each alone.", by=by, p=p))
         else:
-            sentences.append(f"No difference of the response by {by} is shown (p = {p:.2g}).")
+            sentences.append(Text("No difference of the response by {by} is shown (p = {p:.2g}).", by=by, p=p))
     return sentences
 
 

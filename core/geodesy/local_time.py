@@ -7,6 +7,8 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from pyproj import CRS, Transformer
 
+from furrowmap.core.runtime.languages.texts import Text
+
 HOUR_DEG: Final = 15.0
 _UTC: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z")
 """Times as :func:`~furrowmap.core.values.clock.iso_utc` writes them."""
@@ -43,16 +45,26 @@ def clock_words(t_s: float, zone: ZoneInfo) -> str:
 
 def zone_words(t_s: float, zone: ZoneInfo) -> str:
     """Name of a zone and its offset at a UTC time: "Asia/Tokyo, UTC+09:00"."""
+    return f"{zone.key}, {_offset_words(t_s, zone)}"
+
+
+def _offset_words(t_s: float, zone: ZoneInfo) -> str:
     offset = f"{local_time(t_s, zone):%z}"
-    return f"{zone.key}, UTC{offset[:3]}:{offset[3:5]}"
+    return f"UTC{offset[:3]}:{offset[3:5]}"
 
 
-def span_words(first_s: float, last_s: float, zone: ZoneInfo) -> str:
+def span_words(first_s: float, last_s: float, zone: ZoneInfo) -> Text:
     """Two UTC times in a zone: "2026-06-11, 09:23:11 to 09:41:02 (Asia/Tokyo, UTC+09:00)"."""
     first = local_time(first_s, zone)
     last = local_time(last_s, zone)
     later = "" if last.date() == first.date() else f"{last:%Y-%m-%d}, "
-    return f"{first:%Y-%m-%d}, {first:%H:%M:%S} to {later}{last:%H:%M:%S} ({zone_words(first_s, zone)})"
+    return Text(
+        "{begin} to {end} ({zone}, {offset})",
+        begin=f"{first:%Y-%m-%d}, {first:%H:%M:%S}",
+        end=f"{later}{last:%H:%M:%S}",
+        zone=zone.key,
+        offset=_offset_words(first_s, zone),
+    )
 
 
 def in_local_time(text: str, zone: ZoneInfo) -> str:

@@ -473,16 +473,23 @@ class MapFrame:
         return self.heights.with_heights(self.crs)
 
     @property
-    def words(self) -> str:
-        """Description for the metadata of products, besides the CRS; empty where positions are used as recorded."""
+    def sentences(self) -> tuple[Text, ...]:
+        """What is to be known besides the CRS; none where positions are used as recorded."""
         said = []
         if self.parameters is not None:
-            said.append(f"Recorded positions are transformed to the epoch of the map with {self.parameters.name}.")
+            file = self.parameters.name
+            said.append(Text("Recorded positions are transformed to the epoch of the map with {file}.", file=file))
         if self.heights.vertical is not None:
-            said.append(f"Heights are above {self.heights.name} ({self.heights.source}).")
+            source = self.heights.source
+            said.append(Text("Heights are above {heights} ({source}).", heights=self.heights.name, source=source))
         if self.stated is not None:
-            said.append(f"Coordinates are those of {self.stated.name}.")
-        return " ".join(said)
+            said.append(Text("Coordinates are those of {frame}.", frame=self.stated.name))
+        return tuple(said)
+
+    @property
+    def words(self) -> str:
+        """The sentences for the metadata of products."""
+        return " ".join(map(str, self.sentences))
 
     @property
     def wkt(self) -> str:

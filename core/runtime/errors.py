@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final, Self
 
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, plain_values, printed, sentences
 from furrowmap.core.runtime.languages.templates import fill
-from furrowmap.core.runtime.languages.texts import ENGLISH, Text, Value, templates, words_of
+from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES, Text, Value, templates, words_of
 
 CONTRADICTION: Final = "contradiction"
 CHECK_POINTS_OFF: Final = "check-points-off"
@@ -167,6 +167,11 @@ class Notice:
     def text(self) -> str:
         """One or two sentences with the figures."""
         return self.text_in(ENGLISH)
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """The text for JSON, by its key: `text` in English, and in every other language, such as `text_ja`."""
+        return {"text": self.text, **{f"text_{language}": self.text_in(language) for language in LANGUAGES[1:]}}
 
     def text_in(self, language: str) -> str:
         """The text in a language."""

@@ -56,7 +56,7 @@ def plain(value: object) -> Any:
     if isinstance(value, list | tuple | set | frozenset):
         return [plain(item) for item in value]
     if isinstance(value, Notice):
-        return {"code": value.code, "values": plain(dict(value.values)), "text": value.text}
+        return {"code": value.code, "values": plain(dict(value.values)), **value.texts}
     if is_dataclass(value) and not isinstance(value, Text):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     text = value.as_posix() if isinstance(value, Path) else str(value)

@@ -26,7 +26,7 @@ class Settings:
 
     Attributes:
         allowed: "large" content of small files, "damaged" files without their damaged parts.
-        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
+        language: one of :data:`~furrowmap.core.runtime.languages.texts.LANGUAGES`.
         scratch_folder: of temporary files; by default the system's, which may be kept in memory.
     """
 

@@ -30,7 +30,7 @@ from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, printable
 from furrowmap.core.runtime.file_names import inside
-from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import texts_of
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.runtime.write_errors import writing
 from furrowmap.exporters.files.atomic import atomic_output
@@ -74,7 +74,7 @@ def write_kml(path: Path, layers: Mapping[str, VectorLayer], origin: Origin, zon
     notices = []
     for name, layer in reversed(list(layers.items())):  # KML draws later folders on top
         folder = ET.SubElement(document, "Folder")
-        _text(folder, "name", translated(LAYER_NAMES.get(name, name.replace("_", " ")), language_of_user()))
+        _text(folder, "name", _in_words(LAYER_NAMES.get(name, name.replace("_", " "))))
         if name == TRAJECTORY:
             _add_lines(folder, layer, styles[name])
             notices.append(Notice("kml-trajectory"))
@@ -136,7 +136,7 @@ def _add_lines(folder: ET.Element, trajectory: VectorLayer, styles: _Styles) -> 
         if len(part) > 1:
             mark = ET.SubElement(folder, "Placemark")
             value = str(fix[begin])
-            _text(mark, "name", translated(VALUES["fix"].get(value, "trajectory"), language_of_user()))
+            _text(mark, "name", _in_words(VALUES["fix"].get(value, "trajectory")))
             _text(mark, "styleUrl", f"#{_style_of(TRAJECTORY, {'fix': value}, styles)}")
             _text(ET.SubElement(mark, "LineString"), "coordinates", _coordinates(part))
 
@@ -165,8 +165,7 @@ def _add_placemark(
     for name, text in fields.items():
         field = ET.SubElement(data, "Data", name=name)
         if name in COLUMN_LABELS:
-            label = translated(COLUMN_LABELS[name], language_of_user())
-            _text(field, "displayName", label.replace("UTC", zone.key))
+            _text(field, "displayName", _in_words(COLUMN_LABELS[name]).replace("UTC", zone.key))
         _text(field, "value", text)
     _add_shape(mark, shape)
 
@@ -196,6 +195,10 @@ def _field_text(value: Any) -> str | None:
     if isinstance(value, dt.datetime):
         return value.isoformat(timespec="milliseconds").replace("+00:00", "Z")
     return f"{value:.4f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+
+
+def _in_words(label: str) -> str:
+    return texts_of(language_of_user()).get(label, label)
 
 
 def _text(parent: ET.Element, tag: str, text: str) -> None:

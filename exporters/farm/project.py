@@ -16,7 +16,7 @@ from zoneinfo import ZoneInfo
 
 from pyproj import CRS, Transformer
 
-from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import SHARE, Text, texts_of
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.farm.farm_memory_tables import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
@@ -39,7 +39,7 @@ from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, 
 
 PROJECT: Final = "furrowmap"
 """Its name in the farm map."""
-_TITLE: Final = "Farm map"
+_TITLE: Final = Text("Farm map")
 _OTHERS: Final = "Boundaries and zones"
 """The group of all other layers, too."""
 _DETAILS: Final = "Work in detail"
@@ -93,11 +93,12 @@ def project_archive(
     span: tuple[dt.datetime, dt.datetime],
 ) -> bytes:
     """The project as a `.qgz`, topmost layer first; the temporal controller has steps of a day."""
-    root = project_root(translated(_TITLE, language_of_user()), crs)
+    root = project_root(_TITLE.in_language(language_of_user()), crs)
     _put_tree(root, layers)
     _put_relations(root, layers)
     within = ET.SubElement(root, "projectlayers")
-    classes = [(code, colour, translated(name, language_of_user())) for code, colour, name in CLASS_COLOURS]
+    words = texts_of(language_of_user(), SHARE)
+    classes = [(code, colour, words.get(name, name)) for code, colour, name in CLASS_COLOURS]
     for layer in layers:
         if layer.kind == POINT_CLOUD_WORDS:
             put_point_cloud_layer(within, layer, crs, classes)
@@ -126,8 +127,12 @@ def layer_title(name: str) -> str:
     """The name of a layer for people, in the user's language; a layer of others keeps its own."""
     if name not in FARM_LAYER_NAMES:
         return name
-    words = translated(FARM_LAYER_NAMES[name], language_of_user())
+    words = _in_words(FARM_LAYER_NAMES[name])
     return words[:1].upper() + words[1:]
+
+
+def _in_words(label: str) -> str:
+    return texts_of(language_of_user()).get(label, label)
 
 
 def background_layer(crs: CRS, bounds: tuple[float, float, float, float]) -> ProjectLayer:
@@ -136,15 +141,14 @@ def background_layer(crs: CRS, bounds: tuple[float, float, float, float]) -> Pro
     longitude, latitude = to_lon_lat.transform(0.5 * (bounds[0] + bounds[2]), 0.5 * (bounds[1] + bounds[3]))
     west, south, east, north = _JAPAN_DEG
     key, title, url, zmax, owner = _GSI if west < longitude < east and south < latitude < north else _OSM
-    language = language_of_user()
-    attribution = translated(owner, language)
+    attribution = _in_words(owner)
     return ProjectLayer(
         BACKGROUND,
         RASTER,
         f"type=xyz&url={url}&zmax={zmax}&zmin=0",
         "wms",
         None,
-        translated(title, language),
+        _in_words(title),
         properties=(
             ("furrowmap/basemap", key),
             ("furrowmap/attribution", attribution),
@@ -161,7 +165,7 @@ def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
         inside = [x for x in layers if x.name in names or (title == _OTHERS and x.name not in named)]
         if not inside:
             continue
-        name = translated(title, language_of_user())
+        name = _in_words(title)
         folded = title == _DETAILS
         state = {"checked": "Qt::Unchecked" if folded else "Qt::Checked", "expanded": str(int(not folded))}
         group = ET.SubElement(tree, "layer-tree-group", {"name": name, **state})

@@ -16,6 +16,7 @@ import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
 from furrowmap.core.runtime.json_text import from_kept_json, kept_json, plain
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.runtime.write_errors import failed_write, write_error
 from furrowmap.exporters.files.plain_files import refuse_shared
 
@@ -41,16 +42,28 @@ def same_files(some: Sequence[Stamp], others: Sequence[Stamp]) -> bool:
 
 @dataclass(frozen=True)
 class Failure:
-    """The error that ended a session; `exit_status` is that of `furrowmap run`."""
+    """The error that ended a session.
+
+    Attributes:
+        lines: in English.
+        exit_status: that of `furrowmap run`.
+        other_lines: in other languages; those of earlier versions are in English alone.
+    """
 
     code: str
     lines: tuple[str, str, str]
     exit_status: int
+    other_lines: dict[str, tuple[str, str, str]] = field(default_factory=dict)
 
     @classmethod
     def from_error(cls, error: FurrowmapError) -> Self:
         """From an error."""
-        return cls(error.code, error.lines, error.exit_status)
+        others = {language: error.lines_in(language) for language in LANGUAGES[1:]}
+        return cls(error.code, error.lines, error.exit_status, others)
+
+    def lines_in(self, language: str) -> tuple[str, str, str]:
+        """What is wrong, what that means, and what to do."""
+        return self.other_lines.get(language, self.lines)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,9 @@ import math
 import re
 from typing import Final
 
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.margins import with_margin
+from furrowmap.exporters.reports.quantity_words import NOT_KNOWN
 
 HECTARE: Final = "ha"
 TEN_ARES: Final = "10a"
@@ -28,17 +30,17 @@ _AREA_ELEMENT: Final = re.compile(
 )
 
 
-def area(area_m2: float, sigma_m2: float | None = None) -> str:
+def area(area_m2: float, sigma_m2: float | None = None) -> Words:
     """An area, with its margin of error where one is known, in a text of a page; :func:`in_area_unit` puts it there."""
     if not math.isfinite(area_m2):
-        return "unknown"
+        return NOT_KNOWN
     sigma = f" {sigma_m2:.6g}" if sigma_m2 is not None and math.isfinite(sigma_m2) else ""
     return f"⟦area {area_m2:.6g}{sigma}⟧"
 
 
-def work_rate(rate_ha_h: float) -> str:
+def work_rate(rate_ha_h: float) -> Words:
     """A work rate in a text of a page."""
-    return f"⟦rate {rate_ha_h:.6g}⟧" if math.isfinite(rate_ha_h) else "unknown"
+    return f"⟦rate {rate_ha_h:.6g}⟧" if math.isfinite(rate_ha_h) else NOT_KNOWN
 
 
 def in_area_unit(page: str, unit: str) -> str:
@@ -59,8 +61,15 @@ def in_area_unit(page: str, unit: str) -> str:
 
 def area_words(area_m2: float, unit: str, sigma_m2: float | None = None) -> str:
     """An area as text: "0.542 ha", "54.2 a", "1.340 acres"; small ones in square metres; with its margin if known."""
+    return str(area_text(area_m2, unit, sigma_m2))
+
+
+def area_text(area_m2: float, unit: str, sigma_m2: float | None = None) -> Words:
+    """An area as :func:`area_words` has it, for a line in any language."""
     small = abs(area_m2) < _SMALL_M2[unit]
     unit_m2, digits, name = (1.0, 1 if abs(area_m2) >= _FINE_M2 else 2, "m²") if small else _UNITS[unit]
+    if unit == ACRE and not small:
+        return Text("{area} acres", area=with_margin(area_m2, sigma_m2, "", 1.0 / unit_m2, digits))
     return with_margin(area_m2, sigma_m2, f" {name}", 1.0 / unit_m2, digits)
 
 

@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.session.frame_tree import BASE, FrameTree
 from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathDifferences
 from furrowmap.core.values.gnss import Fix
@@ -62,11 +63,11 @@ MAX_KEYED_PASSES: Final = 8
 """Of more passes the legend of a map has the first and the last."""
 
 
-def pass_key(passes: int) -> list[tuple[str, str]]:
+def pass_key(passes: int) -> list[tuple[str, Text]]:
     """Colours and names of the passes for the legend of a map."""
     if passes <= MAX_KEYED_PASSES:
-        return [(pass_colour(number, passes), f"pass {number}") for number in range(1, passes + 1)]
-    return [(pass_colour(1, passes), "first pass"), (pass_colour(passes, passes), "last pass")]
+        return [(pass_colour(number, passes), Text("pass {number}", number=number)) for number in range(1, passes + 1)]
+    return [(pass_colour(1, passes), Text("first pass")), (pass_colour(passes, passes), Text("last pass"))]
 
 
 def fix_colour(fix: int) -> str:
@@ -112,14 +113,14 @@ def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: NDArray[np.u
             ]
     if not work.paths:
         parts += [sheet.line(part, "way") for _, part in _runs(poses, np.zeros(len(poses), np.int8))]
-    return sheet.svg(parts, "Map of the ground worked")
+    return sheet.svg(parts, Text("Map of the ground worked"))
 
 
 def quality_map(poses: ScanPoses) -> Markup:
     """The vehicle's path, coloured by the quality of the positions."""
     sheet = Sheet(map_box(poses, FieldWork()), SMALL_HEIGHT)
     parts = [sheet.line(part, "fix", stroke=fix_colour(fix)) for fix, part in _runs(poses, poses.fix)]
-    return sheet.svg(parts, "The vehicle's path, coloured by the quality of the positions")
+    return sheet.svg(parts, Text("The vehicle's path, coloured by the quality of the positions"))
 
 
 def tool_graph(work: FieldWork) -> Markup:
@@ -142,19 +143,19 @@ def tool_graph(work: FieldWork) -> Markup:
         for number, when in enumerate(work.passes, start=1):
             middle = time.at(0.5 * (when.begin_s + when.end_s))
             parts.append(element("text", str(number), class_="number", x=middle, y=16))
-    parts += heights.grid(time.left, lambda v: f"{100 * v:.0f} cm", "height of the tool")
+    parts += heights.grid(time.left, lambda v: f"{100 * v:.0f} cm", Text("height of the tool"))
     y = heights.at(history.threshold_m)
     parts.append(segment(time.left, y, WIDTH, y, class_="threshold"))
     parts += curve(time.at(history.t_s), heights.at(history.tool_height_m))
     parts += time.labels(190.0)
-    return drawing(WIDTH, 228.0, parts, "Height of the tool above its working position over time")
+    return drawing(WIDTH, 228.0, parts, Text("Height of the tool above its working position over time"))
 
 
 ACTIVITIES: Final = {
-    "working": "#8c460a",
-    "turning or reversing": "#4292c6",
-    "standing": "#bdbdbd",
-    "driving, state of the tool unknown": "#9e9ac8",
+    Text("working"): "#8c460a",
+    Text("turning or reversing"): "#4292c6",
+    Text("standing"): "#bdbdbd",
+    Text("driving, state of the tool unknown"): "#9e9ac8",
 }
 """What a vehicle does, and its colour; the classes of the hours of a report."""
 
@@ -198,7 +199,7 @@ def activity_graph(poses: ScanPoses, work: FieldWork) -> Markup:
         y = 4.0 + 18.0 * rows.index(int(seen[first]))
         parts.append(rectangle(left, y, max(right, left + 0.3), y + 14.0, fill=colours[int(seen[first])]))
     bottom = 6.0 + 18.0 * len(rows)
-    return drawing(WIDTH, bottom + 38.0, [*parts, *time.labels(bottom)], "Activity over time")
+    return drawing(WIDTH, bottom + 38.0, [*parts, *time.labels(bottom)], Text("Activity over time"))
 
 
 def quality_graph(poses: ScanPoses) -> Markup:
@@ -212,12 +213,12 @@ def quality_graph(poses: ScanPoses) -> Markup:
         for (left, right), fix in zip(pairwise(at), poses.fix[edges[:-1]].tolist(), strict=True)
     ]
     if not np.isfinite(sigma_m).any():
-        return drawing(WIDTH, 52.0, [*parts, *time.labels(14.0)], "Quality of the positions over time")
+        return drawing(WIDTH, 52.0, [*parts, *time.labels(14.0)], Text("Quality of the positions over time"))
     axis = Axis(0.0, max(0.01, float(np.nanquantile(sigma_m, 0.99)) * 1.3), 130.0, 20.0)
-    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm", "sigma")
+    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm", Text("standard deviation"))
     parts += curve(time.at(poses.t_s), np.maximum(axis.at(sigma_m), 20.0))
     parts += time.labels(130.0)
-    return drawing(WIDTH, 168.0, parts, "Quality and accuracy of the positions over time")
+    return drawing(WIDTH, 168.0, parts, Text("Quality and accuracy of the positions over time"))
 
 
 def half_width_m(swaths: SwathDifferences) -> float:
@@ -249,14 +250,16 @@ def swath_histogram(swaths: SwathDifferences, reach_m: float | None = None) -> M
     middle = 0.5 * (left + WIDTH)
     last = 2 * BINS - 1  # like the first, of all larger differences
     beyond = bool(swaths.histogram[: max(low, 1)].any() or swaths.histogram[min(high, last) :].any())
-    edge = f"{1000 * reach_m:g} mm" + (" and more" if beyond else "")
+    edge = f"{1000 * reach_m:g} mm"
+    least = Text("−{edge} and more", edge=edge) if beyond else f"−{edge}"
+    most = Text("+{edge} and more", edge=edge) if beyond else f"+{edge}"
     parts += [
         segment(middle, top, middle, bottom, class_="threshold"),
-        label(left, bottom + 18, f"−{edge}"),
+        label(left, bottom + 18, least),
         label(middle, bottom + 18, "0", "middle"),
-        label(WIDTH, bottom + 18, f"+{edge}", "right"),
+        label(WIDTH, bottom + 18, most, "right"),
     ]
-    return drawing(WIDTH, bottom + 24.0, parts, "Differences in height of swaths over the same ground")
+    return drawing(WIDTH, bottom + 24.0, parts, Text("Differences in height of swaths over the same ground"))
 
 
 def _pauses(poses: ScanPoses) -> NDArray[np.bool_]:

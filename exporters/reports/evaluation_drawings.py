@@ -11,6 +11,7 @@ from markupsafe import Markup
 from furrowmap.core.accuracy.evaluation import Evaluation
 from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.earth import SEMI_MAJOR_M
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.reports.drawings import fix_colour
@@ -18,25 +19,39 @@ from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve,
 
 MAX_TRACK_POINTS: Final = 4000
 """Most points of a track on the map of several services."""
-ERRORS: Final[Mapping[str, Callable[[FloatArray], FloatArray]]] = {
-    "Horizontal error (2D)": lambda error_m: np.hypot(error_m[:, 0], error_m[:, 1]),
-    "X, towards east": lambda error_m: error_m[:, 0],
-    "Y, towards north": lambda error_m: error_m[:, 1],
-    "Z, up": lambda error_m: error_m[:, 2],
+ERRORS: Final[Mapping[Text, Callable[[FloatArray], FloatArray]]] = {
+    Text("Horizontal error (2D)"): lambda error_m: np.hypot(error_m[:, 0], error_m[:, 1]),
+    Text("X, towards east"): lambda error_m: error_m[:, 0],
+    Text("Y, towards north"): lambda error_m: error_m[:, 1],
+    Text("Z, up"): lambda error_m: error_m[:, 2],
 }
 
+FIX_WORDS: Final[Mapping[str, Words]] = {
+    "fixed": Text("fixed"),
+    "float": Text("float"),
+    "ppp": Text("ppp"),
+    "dgps": Text("dgps"),
+    "single": Text("single"),
+}
+"""Words for kinds of fix; others stay as they are named."""
 
-def known_errors(found: Evaluation) -> list[str]:
+
+def fix_words(label: str) -> Words:
+    """A kind of fix for people."""
+    return FIX_WORDS.get(label, label)
+
+
+def known_errors(found: Evaluation) -> list[Text]:
     """The names of the errors that are known at some epoch."""
     return [title for title, values in ERRORS.items() if np.isfinite(values(found.matched.error_m)).any()]
 
 
-def fix_kinds(found: Evaluation) -> list[tuple[str, str]]:
+def fix_kinds(found: Evaluation) -> list[tuple[str, Words]]:
     """Colour and name of the kinds of fix of a log."""
-    return [(fix_colour(code), Fix(code).label) for code in np.unique(found.fix).tolist()]
+    return [(fix_colour(code), fix_words(Fix(code).label)) for code in np.unique(found.fix).tolist()]
 
 
-def error_graph(evaluations: Mapping[str, Evaluation], title: str, colours: Mapping[str, str] | None = None) -> Markup:
+def error_graph(evaluations: Mapping[str, Evaluation], title: Text, colours: Mapping[str, str] | None = None) -> Markup:
     """One of :data:`ERRORS` over time, in the colours of the services; one alone has a bar of its kinds of fix."""
     share, top, bottom = (0.99, 20.0, 150.0) if colours is None else (0.98, 10.0, 180.0)
     series = {name: ERRORS[title](found.matched.error_m) for name, found in evaluations.items()}
@@ -58,7 +73,10 @@ def error_graph(evaluations: Mapping[str, Evaluation], title: str, colours: Mapp
             parts += curve(time.at(found.matched.t_s[a:b]), np.clip(axis.at(series[name][a:b]), top, bottom))
         parts += ["</g>"] if colours is not None else []
     parts += time.labels(bottom)
-    return drawing(WIDTH, bottom + 38.0, parts, f"{title}{'' if colours is None else ' of each service'} over time")
+    about = Text("{error} over time", error=title)
+    if colours is not None:
+        about = Text("{error} of each service over time", error=title)
+    return drawing(WIDTH, bottom + 38.0, parts, about)
 
 
 def track_map(found: Evaluation) -> Markup:
@@ -73,7 +91,7 @@ def track_map(found: Evaluation) -> Markup:
         part = np.clip(test[a : b + 1 if b in changes else b], sheet.box_m[:2], sheet.box_m[2:])
         if len(part) > 1:
             parts.append(sheet.line(part, "track", stroke=fix_colour(int(found.fix[a]))))
-    return sheet.svg(parts, "Trajectories: the reference in brown, the test by its kind of fix")
+    return sheet.svg(parts, Text("Trajectories: the reference in brown, the test by its kind of fix"))
 
 
 def services_map(evaluations: Mapping[str, Evaluation], colours: Mapping[str, str]) -> Markup:
@@ -96,7 +114,7 @@ def services_map(evaluations: Mapping[str, Evaluation], colours: Mapping[str, st
                 parts.insert(0, sheet.line(references[name][a:b:step], "way"))
                 shown = np.clip(tracks[name][a:b:step], sheet.box_m[:2], sheet.box_m[2:])
                 parts.append(sheet.line(shown, "track", stroke=colours[name]))
-    return sheet.svg(parts, "Tracks of the services and of the reference")
+    return sheet.svg(parts, Text("Tracks of the services and of the reference"))
 
 
 def _sheet(en_m: FloatArray) -> Sheet:

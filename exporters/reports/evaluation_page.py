@@ -10,18 +10,20 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import shapely
 
-from furrowmap.core.accuracy.evaluation import DEFINITIONS, QUANTILES, ErrorTable, Evaluation
-from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
+from furrowmap.core.accuracy.evaluation import DEFINITIONS, QUANTILES, Age, ErrorTable, Evaluation
+from furrowmap.core.geodesy.local_time import span_words, zone_at
 from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.runtime.languages.texts import Text, Words, label_text
 from furrowmap.core.values.earth import earth_centred_m, east_north_up, geodetic
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports import evaluation_drawings
+from furrowmap.exporters.reports.evaluation_drawings import fix_words
 from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs, write_table
-from furrowmap.exporters.reports.html_pages import render, write_html
+from furrowmap.exporters.reports.html_pages import notice_in_page, render, write_html
+from furrowmap.exporters.reports.quantity_words import NOT_KNOWN, with_margin_words
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts, times
 from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.exporters.vectors.qgis_styles import StyleClock
@@ -29,6 +31,7 @@ from furrowmap.exporters.vectors.qgis_styles import StyleClock
 EVALUATION_PRODUCTS: Final = ("evaluation.json", "evaluation.html", "evaluation.gpkg", "services.csv", "epochs.csv")
 PAPER_COLUMNS: Final = ("3D", "2D", "X", "Y", "Z")
 """The columns of tables 1 to 3 of Nakagawa et al."""
+DEFINITION_WORDS: Final = tuple(label_text(f"{name}: {text}") for name, text in DEFINITIONS.items())
 SERVICE_COLOURS: Final = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00")
 """Of the services, told apart by those who confuse red and green (Okabe and Ito 2008); from the seventh on again."""
 
@@ -51,14 +54,14 @@ def page(evaluations: Mapping[str, Evaluation]) -> str:
     zone = _zone(evaluations)
     return render(
         "evaluation.html",
-        title="Accuracy of a GNSS log" if len(found) == 1 else "Accuracy of GNSS services",
+        title=Text("Accuracy of a GNSS log" if len(found) == 1 else "Accuracy of GNSS services"),
         when=span_words(*_span_s(evaluations), zone),
         services=evaluations,
         alone=found[0] if len(found) == 1 else None,
         colours={name: SERVICE_COLOURS[k % len(SERVICE_COLOURS)] for k, name in enumerate(evaluations)},
         references=list(dict.fromkeys(each.reference for each in found)),
-        notices=list(dict.fromkeys(in_local_time(notice.text, zone) for each in found for notice in each.notices)),
-        definitions=DEFINITIONS,
+        notices=list(dict.fromkeys(notice_in_page(notice, zone) for each in found for notice in each.notices)),
+        definitions=DEFINITION_WORDS,
         quantiles=QUANTILES,
         paper=PAPER_COLUMNS,
         draw=evaluation_drawings,
@@ -83,54 +86,91 @@ def _span_s(evaluations: Mapping[str, Evaluation]) -> tuple[float, float]:
     return float(min(t_s[0] for t_s in times)), float(max(t_s[-1] for t_s in times))
 
 
-def _fix_name(kind: str) -> str:
+def _fix_name(kind: str) -> Words:
     """The title of the table of a kind of fix."""
-    if kind == "all":
-        return "All kinds of fix"
+    known = {
+        "all": Text("All kinds of fix"),
+        "fixed": Text("Fixed"),
+        "float": Text("Float"),
+        "single": Text("Single"),
+    }
+    if kind in known:
+        return known[kind]
     return kind.upper() if kind in ("ppp", "dgps", "pps") else kind.capitalize()
 
 
-def _statistics(rows: ErrorTable, names: Sequence[str], shares: Sequence[float], greatest: bool) -> Iterator[list[str]]:
+def _statistics(
+    rows: ErrorTable, names: Sequence[str], shares: Sequence[float], greatest: bool
+) -> Iterator[list[Words]]:
     """The rows of the table of the paper, with percentiles."""
     shown = [rows[name] for name in names]
-    lines = {
-        "Average": [row.average_m for row in shown],
-        "Standard deviation": [row.standard_deviation_m for row in shown],
+    lines: dict[Words, list[float]] = {
+        Text("Average"): [row.average_m for row in shown],
+        Text("Standard deviation"): [row.standard_deviation_m for row in shown],
         "RMSE": [row.rmse_m for row in shown],
-        **{f"{100 * q:.0f} % below": [row.percentiles_m[QUANTILES.index(q)] for row in shown] for q in shares},
-        **({"Greatest": [row.greatest_m for row in shown]} if greatest else {}),
     }
+    for q in shares:
+        values = [row.percentiles_m[QUANTILES.index(q)] for row in shown]
+        lines[Text("{percent:.0f} % below", percent=100 * q)] = values
+    if greatest:
+        lines[Text("Greatest")] = [row.greatest_m for row in shown]
     for title, values in lines.items():
         yield [title, *(f"{value:.4f}" if math.isfinite(value) else "–" for value in values)]
 
 
-def _continuity(found: Evaluation) -> list[tuple[str, str]]:
+def _continuity(found: Evaluation) -> list[tuple[Text, Words]]:
     """Names and texts of the figures of a log."""
     log = found.continuity
-    shares = ", ".join(f"{kind} {share:.1%}" for kind, share in log.share_by_fix.items())
-    firsts = ", ".join(f"{kind} {seconds:.1f} s" for kind, seconds in log.first_by_fix_s.items())
-    age = (
-        f"median {log.age.median_s:.1f} s, 95 % below {log.age.p95_s:.1f} s, greatest {log.age.greatest_s:.1f} s"
-        if log.age
-        else "not stated"
-    )
+    fixes = {kind: fix_words(kind) for kind in (*log.share_by_fix, *log.first_by_fix_s)}
+    shares = [Text("{fix} {share:.1%}", fix=fixes[kind], share=share) for kind, share in log.share_by_fix.items()]
+    firsts = [Text("{fix} {seconds:.1f} s", fix=fixes[kind], seconds=t_s) for kind, t_s in log.first_by_fix_s.items()]
     sigmas = found.within_sigmas
+    ahead: Words = NOT_KNOWN
+    if found.time_ahead_s:
+        ahead = Text("{value} (95 %)", value=with_margin_words(*found.time_ahead_s, " s", sign=True))
     return [
-        ("positions", f"{log.epochs:,}, every {log.interval_s:.3g} s; availability {log.availability:.1%}"),
-        ("kinds of fix", shares),
-        ("first fix, from the log's first position", firsts),
-        ("gaps", f"{log.gaps}; longest {log.longest_gap_s:.1f} s, sum {log.all_gaps_s:.1f} s"),
-        ("age of corrections", age),
         (
-            "errors within 1, 2, 3 stated sigmas (expected: 68.3, 95.4, 99.7 %)",
-            ", ".join(f"{share:.1%}" for share in sigmas.values()) if sigmas else "no sigmas stated",
+            Text("positions"),
+            Text(
+                "{epochs:,}, every {interval_s:.3g} s; availability {availability:.1%}",
+                epochs=log.epochs,
+                interval_s=log.interval_s,
+                availability=log.availability,
+            ),
         ),
+        (Text("kinds of fix"), Text("{items}", items=shares)),
+        (Text("first fix, from the log's first position"), Text("{items}", items=firsts)),
         (
-            "test ahead in time (slope of the error along the track over speed)",
-            f"{with_margin(*found.time_ahead_s, ' s', sign=True)} (95 %)" if found.time_ahead_s else "unknown",
+            Text("gaps"),
+            Text(
+                "{gaps}; longest {longest_s:.1f} s, sum {all_s:.1f} s",
+                gaps=log.gaps,
+                longest_s=log.longest_gap_s,
+                all_s=log.all_gaps_s,
+            ),
         ),
-        ("outliers", f"{int(found.outlier.sum())} of {len(found.outlier)} epochs"),
+        (Text("age of corrections"), _age_words(log.age)),
+        (
+            Text("errors within 1, 2, 3 stated sigmas (expected: 68.3, 95.4, 99.7 %)"),
+            ", ".join(f"{share:.1%}" for share in sigmas.values()) if sigmas else Text("no sigmas stated"),
+        ),
+        (Text("test ahead in time (slope of the error along the track over speed)"), ahead),
+        (
+            Text("outliers"),
+            Text("{outliers} of {epochs} epochs", outliers=int(found.outlier.sum()), epochs=len(found.outlier)),
+        ),
     ]
+
+
+def _age_words(age: Age | None) -> Text:
+    if age is None:
+        return Text("not stated")
+    return Text(
+        "median {median_s:.1f} s, 95 % below {p95_s:.1f} s, greatest {greatest_s:.1f} s",
+        median_s=age.median_s,
+        p95_s=age.p95_s,
+        greatest_s=age.greatest_s,
+    )
 
 
 def gnss_layers(evaluations: Mapping[str, Evaluation]) -> list[Layer]:

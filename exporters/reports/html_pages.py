@@ -2,28 +2,36 @@
 
 import base64
 import hashlib
-import math
 import os
 import re
 import shutil
 import subprocess
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
+from zoneinfo import ZoneInfo
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 
 from furrowmap.core.geodesy.local_time import clock_words, in_local_time
-from furrowmap.core.runtime.errors import RefusedError, printable
+from furrowmap.core.runtime.errors import Notice, RefusedError, printable
+from furrowmap.core.runtime.languages.texts import LANGUAGES, Text, Words
 from furrowmap.core.runtime.programs import program_on_path
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
-from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.reports.area_units import HECTARE, area, in_area_unit, work_rate
-from furrowmap.exporters.reports.page_language import in_language, unbroken
+from furrowmap.exporters.reports.page_language import in_language, in_page, said
+from furrowmap.exporters.reports.quantity_words import (
+    days_words,
+    duration_words,
+    margin_words,
+    number,
+    with_margin_words,
+)
 
 BROWSER_VARIABLE: Final = "FURROWMAP_BROWSER"
 """Variable of the environment with the path of a browser of the Chromium family."""
@@ -95,9 +103,25 @@ def write_pdf(path: Path, page: str) -> None:
 
 def write_html(path: Path, page: str, language: str | None = None, area_unit: str = HECTARE) -> None:
     """Write a page of ours in a language, by default the user's, and with areas in a unit."""
-    text = unbroken(in_language(in_area_unit(page, area_unit), language or language_of_user()))
+    text = in_area_unit(in_language(page, language or language_of_user()), area_unit)
     with atomic_output(path) as unfinished:
         unfinished.write_text(text, encoding="utf-8", errors="xmlcharrefreplace", newline="")
+
+
+def notice_in_page(notice: Notice, zone: ZoneInfo) -> str:
+    """The text of a warning in a page, with the times of a zone."""
+    return said({language: in_local_time(notice.text_in(language), zone) for language in LANGUAGES})
+
+
+def warning_in_page(warning: Mapping[str, str]) -> str:
+    """The text of a warning of a report in a page."""
+    return said({language: warning.get(f"text_{language}", warning["text"]) for language in LANGUAGES})
+
+
+def sentences(*texts: Words | tuple[Words, ...]) -> Text:
+    """Sentences, alone or several, one after the other, but for empty ones."""
+    several = [text if isinstance(text, tuple) else (text,) for text in texts]
+    return Text("{sentences:.}", sentences=tuple(text for part in several for text in part if text))
 
 
 _FOLDERS: Final = ("reports/templates", "share")
@@ -106,7 +130,10 @@ _POLICY: Final = 'content="POLICY"'
 
 
 def render(template: str, *sources: str, **values: object) -> str:
-    """A page, or a part of one, as HTML with escaped texts; `sources` extend the Content-Security-Policy."""
+    """A page, or a part of one, as HTML with escaped texts; `sources` extend the Content-Security-Policy.
+
+    It has no language until :func:`~furrowmap.exporters.reports.page_language.in_language` gives it one.
+    """
     page = _environment().get_template(template).render(values)
     return page.replace(_POLICY, f'content="{_policy(page, sources)}"', 1)
 
@@ -135,21 +162,34 @@ def _environment() -> Environment:
         undefined=StrictUndefined,
         extensions=["jinja2.ext.do"],
         trim_blocks=True,
-        finalize=lambda value: printable(value) if type(value) is str else value,
+        finalize=_shown,
     )
-    environment.globals |= {"software": f"furrowmap {version('furrowmap')}", "zip": zip}
+    # As in Jinja2's own extension for gettext, _("…") is a text of the catalogues.
+    environment.globals |= {
+        "_": Text,
+        "sentences": sentences,
+        "software": f"furrowmap {version('furrowmap')}",
+        "zip": zip,
+    }
     environment.filters |= {
         "area": area,
         "clock": clock_words,
         "days": days_words,
         "duration": duration_words,
-        "local": in_local_time,
-        "margin": margin,
+        "margin": margin_words,
         "number": number,
         "rate": work_rate,
-        "with_margin": with_margin,
+        "warning": warning_in_page,
+        "with_margin": with_margin_words,
     }
     return environment
+
+
+def _shown(value: object) -> object:
+    """What a template shows for a value."""
+    if isinstance(value, Text):
+        return in_page(value)
+    return printable(value) if type(value) is str else value
 
 
 def _source(template: str) -> str | None:
@@ -159,21 +199,3 @@ def _source(template: str) -> str | None:
         if file.is_file():
             return re.sub(r"\n +", " ", file.read_text("utf-8"))
     return None
-
-
-def number(value: float | None, form: str) -> str:
-    """A value in a format such as "{:.1f} cm"; "unknown" for None and what is not finite."""
-    return form.format(value) if value is not None and math.isfinite(value) else "unknown"
-
-
-def days_words(first: str, last: str) -> str:
-    """The days from a first to a last one, in any language: "2026-06-11 – 2026-06-18"."""
-    return first if first == last else f"{first} – {last}"
-
-
-def duration_words(length_s: float) -> str:
-    """Seconds, minutes or hours."""
-    whole = round(length_s)
-    if whole >= 3600:
-        return f"{whole // 3600} h {whole // 60 % 60:02d} min"
-    return f"{whole // 60} min {whole % 60:02d} s" if whole >= 60 else f"{whole} s"

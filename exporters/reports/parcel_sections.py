@@ -9,6 +9,7 @@ import numpy as np
 from furrowmap.core.crops.dose_columns import column_words, dose_name, parcel_doses
 from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.crops.response_values import Response
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.exporters.reports.drawings import padded_bounds
 from furrowmap.exporters.reports.html_pages import render
 from furrowmap.exporters.reports.svg import Sheet, mixed_colour
@@ -48,14 +49,14 @@ def parcel_sections(found: Sequence[MeasuredParcel], response: Response | None =
     chart = None
     if response is not None and (name := dose_name(parcels)) is not None:
         blocks = [parcel.block or "" for parcel in parcels]
-        values = ParcelValues(heights_m, blocks, column_words("mean_height_m"), "block")
+        values = ParcelValues(heights_m, blocks, column_words("mean_height_m"), Text("block"))
         chart = response_chart(parcel_doses(parcels, name), values, response, column_words(name))
     return render(
         "parcels.html",
         parcels=found,
         max_parcels=MAX_TABLE_PARCELS,
         published=any(math.isfinite(row.published_height_m) for row in found),
-        map=sheet.svg(parts, "Map of the parcels by height"),
+        map=sheet.svg(parts, Text("Map of the parcels by height")),
         colours=[(colour(value), f"{100.0 * value:.1f} cm") for value in np.linspace(low, high, 5).tolist()],
         response=response,
         chart=chart,

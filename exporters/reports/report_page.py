@@ -9,10 +9,12 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from furrowmap.core.geodesy.local_time import in_local_time, span_words
+from furrowmap.core.coverage.worked_ground import WorkFigures
+from furrowmap.core.geodesy.local_time import span_words
 from furrowmap.core.implement.seen_implement import SeenImplement
 from furrowmap.core.pipeline.causes import Finding, findings
 from furrowmap.core.pipeline.run_result import RunResult
+from furrowmap.core.runtime.languages.texts import Text, Words, label_text
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan import PointClass
@@ -20,7 +22,9 @@ from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
 from furrowmap.exporters.rasters.relief import shaded_ground
 from furrowmap.exporters.reports import drawings
-from furrowmap.exporters.reports.html_pages import render, write_html
+from furrowmap.exporters.reports.area_units import area
+from furrowmap.exporters.reports.html_pages import notice_in_page, render, write_html
+from furrowmap.exporters.reports.quantity_words import number
 from furrowmap.exporters.reports.run_report import points_by_class, scanners, top_findings
 from furrowmap.exporters.reports.svg import WIDTH, drawing, element, image, label, turned_label
 from furrowmap.exporters.vectors.labels import VALUES
@@ -34,22 +38,22 @@ _NO_RETURN: Final = np.array([238.0, 238.0, 235.0])
 _STEPS_DEG: Final = (1, 2, 5, 10, 15, 20, 30, 45, 60, 90)
 
 
-def range_images(seen: SeenImplement) -> Iterator[tuple[str, Markup]]:
+def range_images(seen: SeenImplement) -> Iterator[tuple[Text, Markup]]:
     """The implement up and down, and what does not move in the scanner's frame: captions and images."""
     images = seen.images
     still_m = seen.region.still_m
     around_deg = (np.arange(still_m.shape[1]) + 0.5) * (360.0 / still_m.shape[1])
     for text, range_m, azimuth_deg, shown in (
-        ("The implement lifted", images.up_m, images.azimuth_deg, images.implement),
-        ("The implement in the ground", images.down_m, images.azimuth_deg, images.implement),
-        ("Static returns: the vehicle itself, all around", still_m, around_deg, None),
+        (Text("The implement lifted"), images.up_m, images.azimuth_deg, images.implement),
+        (Text("The implement in the ground"), images.down_m, images.azimuth_deg, images.implement),
+        (Text("Static returns: the vehicle itself, all around"), still_m, around_deg, None),
     ):
         if range_m.size:  # an implement that was learned elsewhere may have none
             yield text, range_image(range_m, azimuth_deg, shown, text)
 
 
 def range_image(
-    range_m: NDArray[np.float32], azimuth_deg: NDArray[np.float64], shown: NDArray[np.bool_] | None, title: str
+    range_m: NDArray[np.float32], azimuth_deg: NDArray[np.float64], shown: NDArray[np.bool_] | None, title: Words
 ) -> Markup:
     """A range image (lasers, n), the lowest laser first, nan for nothing, as SVG; what is not `shown` is pale.
 
@@ -62,7 +66,7 @@ def range_image(
         label(LEFT - 7, BOTTOM - (number - 0.5) * row + 4, str(number), "right")
         for number in sorted({1, (lasers + 1) // 2, lasers})
     ]
-    parts.append(turned_label("laser", 0.5 * (TOP + BOTTOM)))
+    parts.append(turned_label(Text("laser"), 0.5 * (TOP + BOTTOM)))
     half_deg = 0.5 * float(azimuth_deg[-1] - azimuth_deg[0]) / max(columns - 1, 1)
     first = float(azimuth_deg[0]) - half_deg
     last = float(azimuth_deg[-1]) + half_deg
@@ -75,14 +79,14 @@ def range_image(
         label(x, BOTTOM + 18, f"{mark % 360:.0f}°", "right" if x > WIDTH - 14.0 else "middle")
         for x, mark in zip(places, marks.tolist(), strict=True)
     ]
-    parts.append(label(LEFT, BOTTOM + 36, "azimuth"))
+    parts.append(label(LEFT, BOTTOM + 36, Text("azimuth")))
     low, high = range_limits_m(range_m, shown)
     if np.isfinite(low):
         left = WIDTH - 250.0
         right = WIDTH - 110.0
         y = BOTTOM + 26.0
         colours = _colours(np.linspace(0.0, 1.0, 64))[None].astype(np.uint8)
-        parts.append(label(left - 6, y + 10, f"range {low:.1f} m", "right"))
+        parts.append(label(left - 6, y + 10, Text("range {low:.1f} m", low=low), "right"))
         parts.append(image(left, y, right, y + 11, colours))
         parts.append(label(right + 6, y + 10, f"{high:.1f} m"))
     return drawing(WIDTH, BOTTOM + 42.0, parts, title)
@@ -142,20 +146,21 @@ def write_page(
     box_m = drawings.map_box(poses, work)
 
     def texts(finding: Finding) -> tuple[str, list[str]]:
-        first, *follows = (in_local_time(notice.text, found.zone) for notice in finding.all)
+        first, *follows = (notice_in_page(notice, found.zone) for notice in finding.all)
         return first, follows
 
     east, north, up, roll, pitch, heading = (_median(column) for column in poses.sigma.T)
     lowering = _median(work.states.begin_sigma_s[1:]) if work.states is not None and len(work.states) > 1 else None
     fixes = [
-        (drawings.fix_colour(fix), f"{_fix_name(fix)} {count / len(poses):.0%}")
+        (drawings.fix_colour(fix), Text("{fix} {share:.0%}", fix=_fix_words(fix), share=count / len(poses)))
         for fix, count in Counter(poses.fix.tolist()).most_common()
     ]
     working = drawings.poses_at_work(poses, work)
     active = set(drawings.activities(working, work).tolist()) if working is not None else set()
     page = render(
         "report.html",
-        title=found.session.name or "Field report",
+        summary=summary_words,
+        title=found.session.name or Text("Field report"),
         when=span_words(found.placement.first_s, found.placement.last_s, found.zone),
         alarms=[texts(finding) for finding in top_findings(found)],
         warnings=[texts(finding) for finding in findings(found.notices)],
@@ -184,28 +189,54 @@ def write_page(
         strip_graphs=_strip_graphs(found),
         classes=points_by_class(summary) if summary is not None and summary.points else {},
         points=summary.points if summary is not None else 0,
-        class_number=lambda name: PointClass[name.upper()].value,
+        PointClass=PointClass,
         max_rows=MAX_ROWS,
     )
     report = found.session.report
     write_html(path, page, language_of_user(report.language), report.area_unit)
 
 
-def _strip_graphs(found: RunResult) -> Iterator[tuple[Markup, str]]:
+def summary_words(figures: WorkFigures) -> Text:
+    """What was worked, worked twice and missed, in a sentence."""
+    area_m2 = figures.worked.grid_m2
+    worked = area(area_m2)
+    parts = [
+        Text("{area} worked in {passes} pass", area=worked, passes=figures.passes)
+        if figures.passes == 1
+        else Text("{area} worked in {passes} passes", area=worked, passes=figures.passes)
+    ]
+    if area_m2 > 0.0:
+        parts.append(Text("{share} of it twice", share=number(figures.overlap.grid_m2 / area_m2, "{:.1%}")))
+    if figures.missed.grid_m2 > 0.0:
+        parts.append(Text("{area} missed between", area=area(figures.missed.grid_m2)))
+    else:
+        parts.append(Text("no strip missed"))
+    if figures.field is not None:
+        share = number(figures.field.worked_share, "{:.1%}")
+        field = area(figures.field.area.grid_m2)
+        parts.append(Text("{share} of the field ({field}) worked", share=share, field=field))
+        if figures.field.unworked.grid_m2 > 0.0:
+            parts.append(Text("{area} of it not worked yet", area=area(figures.field.unworked.grid_m2)))
+    return Text("{parts}.", parts=parts)
+
+
+def _strip_graphs(found: RunResult) -> Iterator[tuple[Markup, Text]]:
     """Histograms of the differences of strips before and after the mounting was estimated, in one scale."""
     if found.strip_differences is None:
         return
     both = found.strip_differences.figures()
     reach_m = max((drawings.half_width_m(figures) for figures in both if figures is not None), default=0.0)
-    for figures, title in zip(
-        both, ("as the session states the mounting", "with the mounting that was used"), strict=True
-    ):
+    titles = (
+        Text("Share of the ground by difference, as the session states the mounting."),
+        Text("Share of the ground by difference, with the mounting that was used."),
+    )
+    for figures, title in zip(both, titles, strict=True):
         if figures is not None:
             yield drawings.swath_histogram(figures, reach_m), title
 
 
-def _fix_name(fix: int) -> str:
-    return VALUES["fix"].get(Fix(fix).label, "other") if fix in list(Fix) else "from a file"
+def _fix_words(fix: int) -> Text:
+    return label_text(VALUES["fix"].get(Fix(fix).label, "other") if fix in list(Fix) else "from a file")
 
 
 def _median(values: NDArray[np.float64]) -> float:

@@ -199,9 +199,8 @@ def top_findings(found: RunResult) -> list[Finding]:
 
 def in_all_languages(notice: Notice, zone: ZoneInfo) -> dict[str, Any]:
     """A warning for a report: its code and values, its text, and that in every other language, such as `text_ja`."""
-    others = {f"text_{language}": in_local_time(notice.text_in(language), zone) for language in LANGUAGES[1:]}
-    text = in_local_time(notice.text, zone)
-    return {"code": notice.code, "values": dict(notice.values), "text": text, **others}
+    texts = {key: in_local_time(text, zone) for key, text in notice.texts.items()}
+    return {"code": notice.code, "values": dict(notice.values), **texts}
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,9 +9,13 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.runtime.languages.texts import LANGUAGES, Text
+from furrowmap.exporters.files.batch_state import Failure
 from furrowmap.exporters.files.result_folder import REPORT_PAGE
 from furrowmap.exporters.reports.drawings import MAP_MARGIN_M, padded_bounds
-from furrowmap.exporters.reports.html_pages import days_words, render
+from furrowmap.exporters.reports.html_pages import render
+from furrowmap.exporters.reports.page_language import said
+from furrowmap.exporters.reports.quantity_words import days_words
 from furrowmap.exporters.reports.svg import Sheet
 from furrowmap.exporters.vectors.batch_table import BATCH_LAYERS, BATCH_TABLE, Row
 
@@ -28,7 +32,7 @@ def history_page(
     visits: Sequence[Mapping[str, Any]],
     grounds: NDArray[np.object_],
 ) -> str:
-    """The page, in English, of seasons and visits, the last one first, with their ground; areas have no unit yet."""
+    """The page of seasons and visits, the last one first, with their ground; without a language and a unit of areas."""
     sheet = Sheet(padded_bounds([outline, *grounds], MAP_MARGIN_M))
     parts = [
         sheet.area(ground, "pass", fill=SHADES[level], stroke="none")
@@ -39,12 +43,12 @@ def history_page(
     return render(
         "history.html",
         title=str(field["name"]),
-        when=days_words(field["first_date"], field["last_date"]) if field["first_date"] else "not worked yet",
+        when=days_words(field["first_date"], field["last_date"]) if field["first_date"] else Text("not worked yet"),
         field=field,
         seasons=seasons,
         visits=visits,
         shades=SHADES,
-        map=sheet.svg(parts, "Map of the field by number of sessions"),
+        map=sheet.svg(parts, Text("Map of the field by number of sessions")),
         max_rows=MAX_VISITS,
     )
 
@@ -64,12 +68,12 @@ def _layers(grounds: NDArray[np.object_]) -> list[BaseGeometry]:
 
 
 def tie_page(account: Mapping[str, Any]) -> str:
-    """The page of `tie.json` in English: dates and their moves, ties, soil moved; its areas have no unit yet."""
+    """The page of `tie.json`: dates and their moves, ties, soil moved; without a language and a unit of areas."""
     medians = [change["untouched_median_m"] for change in account["changes"]]
     return render(
         "tie.html",
         **account,
-        title="Dates of one field",
+        title=Text("Dates of one field"),
         when=days_words(*(account["dates"][k]["start_local"][:10] for k in (0, -1))),
         medians=[abs(median) for median in medians if median is not None],
     )
@@ -81,15 +85,15 @@ MAX_SESSIONS: Final = 2000
 
 
 def batch_page(rows: Sequence[Row]) -> str:
-    """The page of a batch in English: what was done, what failed and why, a link to the report of each session.
+    """The page of a batch: what was done, what failed and why, a link to the report of each session.
 
-    Its areas have no unit yet.
+    Without a language and a unit of areas.
     """
     done = [row for row in rows if row.outcome.failure is None]
     days = sorted(_start(row)[:10] for row in done if "start" in row.outcome.figures)
     return render(
         "batch.html",
-        title="Batch of sessions",
+        title=Text("Batch of sessions"),
         when=days_words(days[0], days[-1]) if days else "",
         done=done,
         failed=[row for row in rows if row.outcome.failure is not None],
@@ -98,11 +102,18 @@ def batch_page(rows: Sequence[Row]) -> str:
             for name in ("worked_area_m2", "duration_s", "points")
         },
         start=_start,
+        error_lines=_error_lines,
         page=REPORT_PAGE,
         table=BATCH_TABLE,
         layers=BATCH_LAYERS,
         max_rows=MAX_SESSIONS,
     )
+
+
+def _error_lines(failure: Failure) -> list[str]:
+    """What is wrong, what that means, and what to do."""
+    by_language = {language: failure.lines_in(language) for language in LANGUAGES}
+    return [said({language: lines[k] for language, lines in by_language.items()}) for k in range(len(failure.lines))]
 
 
 def _start(row: Row) -> str:

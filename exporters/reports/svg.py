@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.exporters.rasters.relief import Box
 from furrowmap.exporters.rasters.web_images import data_uri
+from furrowmap.exporters.reports.page_language import in_page
 
 Number = float | FloatArray
 """A coordinate; an array has a single value."""
@@ -31,13 +33,13 @@ _ROUND_STEPS: Final = (1.0, 2.0, 5.0, 10.0)
 _TIME_STEPS_S: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 21600, 43200)
 
 
-def element(name: str, text: str = "", /, **attributes: object) -> str:
+def element(name: str, text: Words = "", /, **attributes: object) -> str:
     """An element of SVG with a text; `class_` is its class, `stroke_width` its stroke-width; floats have a decimal."""
     said = ""
     for key, value in attributes.items():
         shown = f"{value:.1f}" if isinstance(value, float | np.ndarray) else escape(str(value))
         said += f' {key.rstrip("_").replace("_", "-")}="{shown}"'
-    return f"<{name}{said}>{escape(text)}</{name}>" if text else f"<{name}{said}/>"
+    return f"<{name}{said}>{escape(in_page(text))}</{name}>" if text else f"<{name}{said}/>"
 
 
 def rectangle(left: Number, top: Number, right: Number, bottom: Number, **look: object) -> str:
@@ -50,7 +52,7 @@ def segment(x1: Number, y1: Number, x2: Number, y2: Number, **look: object) -> s
     return element("line", x1=x1, y1=y1, x2=x2, y2=y2, **look)
 
 
-def label(x: Number, y: Number, text: str, place: str = "") -> str:
+def label(x: Number, y: Number, text: Words, place: str = "") -> str:
     """A text of an axis that begins at a place; "middle" or "right" if it is centred or ends there."""
     return element("text", text, class_=f"label {place}".rstrip(), x=x, y=y)
 
@@ -60,9 +62,9 @@ def corners(x: Iterable[float], y: Iterable[float]) -> str:
     return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
 
 
-def drawing(width: float, height: float, parts: Iterable[str], title: str) -> Markup:
+def drawing(width: float, height: float, parts: Iterable[str], title: Words) -> Markup:
     """A complete SVG with a title for screen readers."""
-    head = f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}">'
+    head = f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(in_page(title))}">'
     return Markup(f"{head}{''.join(parts)}</svg>")  # noqa: S704 (its texts are escaped)
 
 
@@ -108,7 +110,7 @@ class Sheet:
         x, y = self._at(shapely.get_coordinates(place))[0]
         return element("text", text, class_="number", x=x, y=y + 4)
 
-    def svg(self, parts: Sequence[str], title: str) -> Markup:
+    def svg(self, parts: Sequence[str], title: Words) -> Markup:
         """The map, and in a strip below it a scale bar and a north arrow, which cover nothing of it."""
         width, height = self.size
         length_m = _round_step(0.25 * width / self.scale)
@@ -154,7 +156,7 @@ class Axis:
         place: FloatArray = self.begin + share * (self.end - self.begin)
         return place
 
-    def grid(self, left: float, words: Callable[[float], str], name: str = "") -> list[str]:
+    def grid(self, left: float, words: Callable[[float], str], name: Words = "") -> list[str]:
         """Of a vertical axis: grid lines at round values, starting at `left`, with labels; the axis, and its name."""
         step = _round_step((self.high - self.low) / 3.0)
         values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step + 0.0
@@ -168,7 +170,7 @@ class Axis:
         return [*lines, turned_label(name, 0.5 * (self.end + self.begin))] if name else lines
 
 
-def turned_label(text: str, y: float) -> str:
+def turned_label(text: Words, y: float) -> str:
     """The name of a vertical axis at the left edge."""
     return element("text", text, class_="label middle", x=12, y=y, transform=f"rotate(-90 12 {y:.1f})")
 
@@ -200,7 +202,8 @@ class TimeAxis:
                   "middle" if t else "")
             for t, x in zip(times, places, strict=True)
         ]  # fmt: skip
-        name = label(WIDTH, y + 34, f"time since the beginning, {'h:min:s' if long else 'min:s'}", "right")
+        text = Text("time since the beginning, h:min:s" if long else "time since the beginning, min:s")
+        name = label(WIDTH, y + 34, text, "right")
         return [element("path", class_="ticks", d=f"M{self.left} {y:.1f}H{WIDTH}{ticks}"), *texts, name]
 
 

@@ -15,8 +15,8 @@ from scipy import special
 from furrowmap.core.crops.response_values import Estimate, Response
 from furrowmap.core.crops.response_words import MIN_WEIGHT, MODEL_WORDS
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.languages.texts import ENGLISH
-from furrowmap.exporters.reports.page_language import map_texts, text_in
+from furrowmap.core.runtime.languages.texts import ENGLISH, Text, Words
+from furrowmap.exporters.reports.page_language import chosen
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Number, corners, drawing, element, rectangle, segment
 
 CHART_HEIGHT: Final = 424.0
@@ -41,19 +41,19 @@ class ParcelValues:
 
     value: FloatArray
     group: Sequence[str]
-    name: str
-    group_name: str = ""
+    name: Words
+    group_name: Words = ""
 
 
 def standalone(svg: str, language: str = ENGLISH) -> str:
     """A chart as a file of its own, in a language."""
-    head, _, rest = map_texts(svg, lambda _number, text: text_in(text, language)).removeprefix("<svg ").partition(">")
+    head, _, rest = chosen(svg, language).removeprefix("<svg ").partition(">")
     size = f'xmlns="http://www.w3.org/2000/svg" width="{WIDTH:.0f}" height="{CHART_HEIGHT:.0f}"'
     ground = '<rect width="100%" height="100%" fill="#ffffff"/>'
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<svg {size} {head}>{ground}{rest}\n'
 
 
-def response_chart(dose: FloatArray, points: ParcelValues, response: Response, dose_name: str) -> Markup:
+def response_chart(dose: FloatArray, points: ParcelValues, response: Response, dose_name: Words) -> Markup:
     """Parcels over their dose, coloured by block; curve, its 95 % band, rivals, and the optimum with its interval."""
     known = np.isfinite(dose) & np.isfinite(points.value)
     low = float(dose[known].min(initial=0.0))
@@ -81,7 +81,7 @@ def response_chart(dose: FloatArray, points: ParcelValues, response: Response, d
         parts.append(element("polyline", points=line, fill="none", stroke=_INK, stroke_width=2))
         parts += _curve_legend(response)
     parts += _dots(x.at(dose[known]), y.at(points.value[known]), np.flatnonzero(known).tolist(), points)
-    return drawing(WIDTH, CHART_HEIGHT, parts, f"{points.name} over {dose_name}")
+    return drawing(WIDTH, CHART_HEIGHT, parts, Text("{quantity} over {dose}", quantity=points.name, dose=dose_name))
 
 
 def _optimum(x: Axis, optimum: Estimate, highest: float) -> Iterable[str]:
@@ -94,16 +94,18 @@ def _optimum(x: Axis, optimum: Estimate, highest: float) -> Iterable[str]:
 
 def _curve_legend(response: Response) -> Iterable[str]:
     """What lines, band and dashes are, below the axis."""
-    optimum = "economic optimum, 95 %" if response.economic is not None else "dose beyond which nothing is gained, 95 %"
-    keys = [
+    y = CHART_HEIGHT - 12.0
+    optimum = Text(
+        "economic optimum, 95 %" if response.economic is not None else "dose beyond which nothing is gained, 95 %"
+    )
+    keys: list[tuple[Text, str, dict[str, str]]] = [
         (MODEL_WORDS[response.models[0].name], _INK, {}),
-        ("its 95 % band", "#999999", {"opacity": "0.5"}),
+        (Text("its 95 % band"), "#999999", {"opacity": "0.5"}),
         (optimum, _GREEN, {"stroke_dasharray": "5 4"}),
     ]
     if any(rival.weight >= MIN_WEIGHT for rival in response.models[1:]):
-        keys.append(("others", _RIVAL, {}))
-    for (at, above), (words, colour, look) in zip(_KEYS, keys, strict=False):
-        y = CHART_HEIGHT - above
+        keys.append((Text("rivals"), _RIVAL, {}))
+    for at, (words, colour, look) in zip(_KEYS, keys, strict=False):
         yield segment(at, y - 4, at + 18, y - 4, stroke=colour, stroke_width=3, **look)
         yield _text(at + 24, y, words)
 
@@ -112,7 +114,7 @@ def residual_chart(expected: FloatArray, residual: FloatArray, points: ParcelVal
     """Residuals of parcels over what is expected of them, and in order over those of a normal distribution."""
     known = np.flatnonzero(np.isfinite(residual))
     middle = 0.5 * (_LEFT + _RIGHT)
-    y, parts = _vertical_axis(residual[known], "residual")
+    y, parts = _vertical_axis(residual[known], Text("residual"))
     parts.append(segment(_LEFT, y.at(0.0), _RIGHT, y.at(0.0), stroke=_INK, stroke_width=1))
     if len(known):
         low = float(expected[known].min())
@@ -132,9 +134,9 @@ def residual_chart(expected: FloatArray, residual: FloatArray, points: ParcelVal
         parts.append(element("polyline", points=line, fill="none", stroke=_RIVAL, stroke_width=1))
         parts += [_text(x.at(value), _BOTTOM + 16, f"{value:g}", "middle") for value in _round_values(-reach, reach)]
         parts += _dots(x.at(normal), y.at(residual[order]), order.tolist(), replace(points, group_name=""))
-    parts.append(_text(0.25 * (3.0 * _LEFT + _RIGHT), _BOTTOM + 36, "expected", "middle"))
-    parts.append(_text(0.25 * (_LEFT + 3.0 * _RIGHT), _BOTTOM + 36, "of a normal distribution", "middle"))
-    return drawing(WIDTH, CHART_HEIGHT, parts, "residuals")
+    parts.append(_text(0.25 * (3.0 * _LEFT + _RIGHT), _BOTTOM + 36, Text("expected"), "middle"))
+    parts.append(_text(0.25 * (_LEFT + 3.0 * _RIGHT), _BOTTOM + 36, Text("of a normal distribution"), "middle"))
+    return drawing(WIDTH, CHART_HEIGHT, parts, Text("residuals"))
 
 
 def category_chart(
@@ -169,10 +171,10 @@ def category_chart(
     beside = min(7.0, 0.5 * step / max(1, len(order)))
     at_x = [middle[category[k]] + (order[points.group[k]] - 0.5 * (len(order) - 1)) * beside for k in rows]
     parts += _dots(at_x, y.at(points.value[known]), rows, points)
-    return drawing(WIDTH, CHART_HEIGHT, parts, f"{points.name} by category")
+    return drawing(WIDTH, CHART_HEIGHT, parts, Text("{quantity} by category", quantity=points.name))
 
 
-def _vertical_axis(values: FloatArray, name: str) -> tuple[Axis, list[str]]:
+def _vertical_axis(values: FloatArray, name: Words) -> tuple[Axis, list[str]]:
     """An axis with room for all values, and its drawing."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
@@ -202,7 +204,7 @@ def _dots(x: Iterable[float], y: Iterable[float], rows: Iterable[int], points: P
     yield _text(at - 10, 16, points.group_name, "end")
 
 
-def _text(x: Number, y: Number, text: str, anchor: str = "start", **more: str) -> str:
+def _text(x: Number, y: Number, text: Words, anchor: str = "start", **more: str) -> str:
     look = {"font_family": "sans-serif", "font_size": "12", "fill": _INK, "text_anchor": anchor}
     return element("text", text, x=x, y=y, **look, **more)
 

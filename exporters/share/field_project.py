@@ -12,6 +12,7 @@ from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.runtime.errors import printable
+from furrowmap.core.runtime.languages.texts import SHARE, texts_of
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.qgis_project import (
@@ -35,7 +36,7 @@ from furrowmap.exporters.files.result_folder import (
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.page_features import HIDDEN_AT_FIRST, moment_s
-from furrowmap.exporters.share.shown_layers import JAPANESE, RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
+from furrowmap.exporters.share.shown_layers import RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, in_language, with_words
 
@@ -123,4 +124,4 @@ def _style(name: str, language: str) -> str | None:
 
 
 def _in(language: str, text: str) -> str:
-    return JAPANESE.get(text, text) if language == "ja" else text
+    return texts_of(language, SHARE).get(text, text)

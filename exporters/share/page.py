@@ -23,17 +23,16 @@ from furrowmap.core.geodesy.local_time import local_time, zone_words
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import RefusedError, printable
-from furrowmap.core.runtime.languages.catalogue import translated
-from furrowmap.core.runtime.languages.texts import LANGUAGES
+from furrowmap.core.runtime.languages.texts import LANGUAGES, SHARE, Text, Words, in_every_language, texts_of
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.values.margins import margin
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder, packaged_style, unreadable
 from furrowmap.exporters.rasters.web_images import encode_image
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
-from furrowmap.exporters.reports.html_pages import duration_words, render
+from furrowmap.exporters.reports.html_pages import render
+from furrowmap.exporters.reports.quantity_words import duration_words, margin_words
 from furrowmap.exporters.share.page_features import moment_s, shared_layer
 from furrowmap.exporters.share.page_points import BYTES_A_POINT, MAX_SHARED_POINTS, shared_points
-from furrowmap.exporters.share.shown_layers import BLENDED, JAPANESE, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
+from furrowmap.exporters.share.shown_layers import BLENDED, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 
 MAX_PICTURE_SIDE: Final = 2400
 """Pixels of the longer side of a picture."""
@@ -140,13 +139,13 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
         "alarms": list(_alarms(report.get("verdict") or {})),
         "warnings": [_notice(notice) for notice in report.get("warnings", ())],
         "figures": list(_figures(report)),
-        "notes": [_said(text) for text in _notes(report)],
+        "notes": list(_notes(report)),
         "about": list(_about(report, zone)),
         "crs": {"name": crs.name, "scale": _scale(crs, extent)},
         "extent": extent,
         "layers": [*layers, *pictures],
         "language": language,
-        "japanese": JAPANESE,
+        "japanese": texts_of("ja", SHARE),
     }
     _write_script(staging / DATA_SCRIPT, "furrowmapData", data | {"cloud": None})  # its size counts
     page = render("share.html", "script-src 'self'", "img-src 'self' data:", title=result.name, when=data["when"])
@@ -256,8 +255,8 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
             yield _figure(name, words(value))
 
 
-def _figure(name: str, value: str, *, loud: bool = False) -> dict[str, Any]:
-    level = ["(± 95 %)"] if "±" in value else []
+def _figure(name: str, value: Words, *, loud: bool = False) -> dict[str, Any]:
+    level = ["(± 95 %)"] if "±" in str(value) else []
     return {"value": _said(value), "name": [name, *level], "loud": loud}
 
 
@@ -274,13 +273,21 @@ def _crops(parcels: Sequence[dict[str, Any]]) -> Iterator[tuple[str, str]]:
             yield "Crop volume", f"{sum(volumes_m3):,.1f} m³"
 
 
-def _notes(report: dict[str, Any]) -> Iterator[str]:
+def _notes(report: dict[str, Any]) -> Iterator[dict[str, str]]:
     """What the figures rest on, and how the heights of a trial's crop respond to its dose."""
     response = (report.get("parcels") or {}).get("response")
     if response:
-        yield from map(str, response.get("sentences", [response["words"]]))
+        english = response.get("sentences", [response["words"]])
+        said = [response.get(f"sentences_{language}", english) for language in LANGUAGES]
+        for sentences in zip(*said, strict=False):
+            yield dict(zip(LANGUAGES, (printable(str(sentence)) for sentence in sentences), strict=True))
     if keys := (report.get("accuracy") or {}).get("unconfirmed"):
-        yield f"The accuracy assumes that {', '.join(keys)} in the session is right: the recording cannot confirm it."
+        yield _said(
+            Text(
+                "The accuracy holds if {keys} in the session is right: the recording does not show it.",
+                keys=", ".join(keys),
+            )
+        )
 
 
 def _accuracy(accuracy: dict[str, Any]) -> Iterable[tuple[str, Any, Any]]:
@@ -288,7 +295,7 @@ def _accuracy(accuracy: dict[str, Any]) -> Iterable[tuple[str, Any, Any]]:
     east, north, up = ((accuracy.get(key) or {}).get("median") for key in ("sigma_e_m", "sigma_n_m", "sigma_h_m"))
     across = math.hypot(east, north) if _is_number(east) and _is_number(north) else None
 
-    words = partial(margin, unit=" cm", factor=100.0)
+    words = partial(margin_words, unit=" cm", factor=100.0)
     return (("Horizontal accuracy", across, words), ("Vertical accuracy", up, words))
 
 
@@ -314,12 +321,14 @@ def _alarms(verdict: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _notice(notice: Mapping[str, Any]) -> dict[str, str]:
-    return _said(str(notice.get("text", "")), str(notice.get("code", "")))
+    """A warning in the languages of the page; reports of earlier versions have it in English alone."""
+    english = notice.get("text", "")
+    return {language: printable(str(notice.get(f"text_{language}", english))) for language in LANGUAGES}
 
 
-def _said(text: str, code: str = "") -> dict[str, str]:
-    """A text of the run in the languages of the page."""
-    return {language: printable(translated(text, language, code)) for language in LANGUAGES}
+def _said(text: Words) -> dict[str, str]:
+    """A text in the languages of the page."""
+    return {language: printable(said) for language, said in in_every_language(text).items()}
 
 
 def _is_number(value: Any) -> TypeGuard[float]:

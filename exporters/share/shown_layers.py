@@ -1,8 +1,5 @@
-"""The layers and rasters of a shared result: names for people in English and Japanese, order, what is shown."""
+"""The layers and rasters of a shared result: names for people, order, what is shown."""
 
-import tomllib
-from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
@@ -20,10 +17,6 @@ from furrowmap.exporters.files.result_folder import (
 from furrowmap.exporters.rasters.field_rasters import STYLES
 from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 
-JAPANESE: Final[Mapping[str, str]] = tomllib.loads(
-    files("furrowmap.exporters.share").joinpath("japanese.toml").read_text("utf-8")
-)
-"""English text to Japanese; where the QGIS plugin has the text, in its words."""
 RELIEFS: Final = (DSM, DSM_BEFORE, DTM)
 SHOWN_AT_FIRST: Final = frozenset({CHANGE, CROP_HEIGHT, DSM, ORTHOPHOTO})
 VALUE_RASTERS: Final = frozenset(RUN_RASTERS) - {*RELIEFS, ORTHOPHOTO}

@@ -15,8 +15,7 @@ from pyproj import CRS
 
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.readers.ogr_layers import layer_info, read_layer_arrays
-from furrowmap.core.runtime.languages.catalogue import translated
-from furrowmap.core.runtime.languages.texts import LANGUAGES
+from furrowmap.core.runtime.languages.texts import LANGUAGES, texts_of
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.exporters.files.atomic import atomic_output
@@ -76,7 +75,7 @@ def write_field(
 def _named(layer: Layer, language: str) -> str:
     """The description of a layer, beginning with its name for people, by which QGIS's browser finds it."""
     name = LAYER_NAMES.get(layer.name)
-    return f"{translated(name, language)}: {layer.description}" if name else layer.description
+    return f"{texts_of(language).get(name, name)}: {layer.description}" if name else layer.description
 
 
 def write_styled_layers(

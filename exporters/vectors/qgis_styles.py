@@ -15,8 +15,7 @@ from xml.etree import ElementTree as ET
 from zoneinfo import ZoneInfo
 
 from furrowmap.core.geodesy.local_time import local_time
-from furrowmap.core.runtime.languages.catalogue import catalogue, translated
-from furrowmap.core.runtime.languages.texts import ENGLISH
+from furrowmap.core.runtime.languages.texts import ENGLISH, Text, texts_of
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.qgis_project import DOCTYPE
 from furrowmap.exporters.files.result_folder import packaged_style, style_of
@@ -53,7 +52,7 @@ def with_words(
     known = [(number, name) for number, name in enumerate(fields) if name in aliases]
     widgets = "".join(_widget(name, language, values.get(name)) for _, name in known)
     named = "".join(
-        f'<alias index="{number}" field="{name}" name="{escape(translated(aliases[name], language))}"/>'
+        f'<alias index="{number}" field="{name}" name="{escape(_known(aliases[name], language))}"/>'
         for number, name in known
     )
     actions = _actions(language) if report else ""
@@ -66,7 +65,7 @@ def with_words(
 def _widget(name: str, language: str, words: Mapping[str, str] | None) -> str:
     if words is not None:
         pairs = "".join(
-            f'<Option type="Map"><Option name="{escape(translated(word, language))}" value="{value}" type="QString"/>'
+            f'<Option type="Map"><Option name="{escape(_known(word, language))}" value="{value}" type="QString"/>'
             "</Option>"
             for value, word in words.items()
         )
@@ -86,7 +85,8 @@ def _configured(name: str, kind: str, options: str) -> str:
 
 def _actions(language: str) -> str:
     """Actions of a feature: the report in the browser, and the folder."""
-    report, folder = (translated(name, language) for name in ("Open report", "Open folder"))
+    report = Text("Open report").in_language(language)
+    folder = Text("Open folder").in_language(language)
     url = f"'file://' || if(left({_FOLDER}, 1) = '/', '', '/') || {_FOLDER}"
     return "<attributeactions>{}</attributeactions>".format(
         "".join(
@@ -169,7 +169,7 @@ def _expression(expression: str, language: str) -> str:
 
 
 def _known(text: str, language: str) -> str:
-    return catalogue(language).exact.get(text, text)
+    return texts_of(language).get(text, text)
 
 
 @dataclass(frozen=True)

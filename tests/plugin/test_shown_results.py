@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import furrowmap
+from furrowmap.core.runtime.languages.texts import SHARE, texts_of
 from furrowmap.core.runtime.settings import using
 from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.exporters.files.result_folder import ResultFolder, open_result
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.share import page as page_module
-from furrowmap.exporters.share.field_project import JAPANESE
 from tests.exporters.reports.page_texts import texts
 from tests.exporters.vectors.test_style_words import SYMBOLS
 from tests.test_end_to_end import session_folder
@@ -30,6 +30,7 @@ from tests.test_flight_end_to_end import flight_session
 if TYPE_CHECKING:
     from conftest import QgisRoot
 
+JAPANESE = texts_of("ja", SHARE)
 CHECKOUT = Path(__file__).resolve().parents[2]
 NAMES = {
     *("POSIX", "SBAS", "GNSS", "IMU", "FIX", "FLOAT", "RMS", "CRS", "EPSG", "JGD", "ETRS", "Japan", "UTM", "CS", "IX"),

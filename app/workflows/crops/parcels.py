@@ -40,8 +40,7 @@ from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box, Survey, is_cloud
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.runtime.languages.catalogue import translated
-from furrowmap.core.runtime.languages.texts import LANGUAGES
+from furrowmap.core.runtime.languages.texts import LANGUAGES, joined
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
@@ -204,8 +203,9 @@ def write_parcels(
         "response": response
         and {
             "words": response.words,
-            **{f"words_{one}": "".join(translated(s, one) for s in response.sentences) for one in LANGUAGES[1:]},
-            "sentences": list(response.sentences),
+            **{f"words_{one}": joined(response.sentences, ".", one) for one in LANGUAGES[1:]},
+            "sentences": [str(sentence) for sentence in response.sentences],
+            **{f"sentences_{one}": [each.in_language(one) for each in response.sentences] for one in LANGUAGES[1:]},
         },
         "parcels": [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))],
     }

@@ -3,7 +3,7 @@
 import datetime as dt
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ from furrowmap.core.crops.trial_tables import (
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import refuse_existing
@@ -147,7 +148,7 @@ def _account(flight: _Flight) -> dict[str, Any]:
         "day": flight.day.isoformat() if flight.day is not None else None,
         "parcels": len(flight.parcels),
         **(_response_account(trial.response) if trial.response is not None else {}),
-        "sentences": list(trial.sentences),
+        "sentences": [str(sentence) for sentence in trial.sentences],
         "parts": [{"by": part.by, "label": part.label, **_response_account(part.response)} for part in trial.parts],
         "differs": dict(trial.differs),
         "variance": asdict(trial.variance) if trial.variance is not None else None,
@@ -155,11 +156,11 @@ def _account(flight: _Flight) -> dict[str, Any]:
 
 
 def _response_account(found: Response) -> dict[str, Any]:
-    values = asdict(found)
+    values = asdict(replace(found, sentences=()))
     band = {name: values.pop(name) for name in ("dose", "band_low", "band_high")}
     for name in ("expected", "residual", "parcels"):
         values.pop(name)
-    return {**values, "band": band}
+    return {**values, "sentences": [str(sentence) for sentence in found.sentences], "band": band}
 
 
 def _sheets(last: _Flight, rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
@@ -223,7 +224,7 @@ def _rows(flights: Sequence[_Flight], measure: str, growth: Sequence[Growth]) ->
 def _charts(last: _Flight, measure: str, growth: Sequence[Growth]) -> dict[str, str]:
     trial = last.trial
     blocks = [each.block or "" for each in last.parcels]
-    points = ParcelValues(last.table.value, blocks, column_words(measure), "block")
+    points = ParcelValues(last.table.value, blocks, column_words(measure), Text("block"))
     charts: dict[str, str] = {}
     found = trial.response
     if found is not None and trial.dose is not None and trial.dose_name is not None:
@@ -246,7 +247,7 @@ def _charts(last: _Flight, measure: str, growth: Sequence[Growth]) -> dict[str, 
         rate = np.array([rates.get(each.id, np.nan) for each in last.parcels])
         named = labels if any(labels) else blocks
         charts["growth.svg"] = category_chart(
-            named, ParcelValues(rate, blocks, "growth (m/day)", "block"), _means(named, rate)
+            named, ParcelValues(rate, blocks, Text("growth (m/day)"), Text("block")), _means(named, rate)
         )
     return charts
 

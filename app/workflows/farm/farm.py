@@ -17,7 +17,7 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import horizontal_part, optional_crs
 from furrowmap.core.geodesy.measurable_crs import expect_map
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
-from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.crs import name_of
@@ -337,14 +337,24 @@ def _ground_layers(
     if clouds is not None:
         layers.append(
             ProjectLayer(
-                CLOUDS, POINT_CLOUD_WORDS, f"./{clouds.name}", "vpc", None, translated("Point clouds", language)
+                CLOUDS,
+                POINT_CLOUD_WORDS,
+                f"./{clouds.name}",
+                "vpc",
+                None,
+                Text("Point clouds").in_language(language),
             )
         )
     if surface is not None:
         style = packaged_style("dsm.qml").replace('opacity="1"', 'opacity="0.6"')  # the background shows through
         layers.append(
             ProjectLayer(
-                SURFACE, RASTER, f"./{surface.name}", "gdal", style, translated("Surface, the latest on top", language)
+                SURFACE,
+                RASTER,
+                f"./{surface.name}",
+                "gdal",
+                style,
+                Text("Surface, the latest on top").in_language(language),
             )
         )
     return layers, foreign_notices(named.foreign)

@@ -243,8 +243,8 @@ def recorder_status(folder: Path) -> dict[str, Any]:
 def _warnings(given: object) -> list[dict[str, str]]:
     """Warnings with their codes and texts, of whatever a status has at their place."""
     found = [each for each in given if isinstance(each, dict)] if isinstance(given, list) else []
-    texts = [(each.get("code"), each.get("text")) for each in found]
-    return [{"code": code, "text": text} for code, text in texts if isinstance(code, str) and isinstance(text, str)]
+    texts = [{key: text for key, text in each.items() if isinstance(text, str)} for each in found]
+    return [text for text in texts if {"code", "text"} <= text.keys()]
 
 
 def _some(datagrams: Datagrams, rows: NDArray[np.int64] | slice) -> Datagrams:

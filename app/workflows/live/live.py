@@ -4,7 +4,7 @@ import json
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,6 @@ from furrowmap.core.live.difference import LIVE_LOG, LOGGED
 from furrowmap.core.live.live_session import LiveScan, LiveSession, warm_up
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, UsageError
-from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.session.opened import OpenSession, open_session
@@ -211,8 +210,11 @@ class Outlets:
 
     def wait_for(self, error: FurrowmapError, warnings: Sequence[dict[str, str]] = ()) -> None:
         """Tell page and caller what is missing, and the page what the recorder warns of."""
-        said = [in_languages(error.what, error.code), *(in_languages(w["text"], w["code"]) for w in warnings[:2])]
-        content = {language: " ".join(text[language] for text in said) for language in LANGUAGES}
+        said = [by_language(warning) for warning in warnings[:2]]
+        content = {
+            language: " ".join([error.lines_in(language)[0], *(text[language] for text in said)])
+            for language in LANGUAGES
+        }
         self.page.publish(lambda: event("waiting", content))
         if self.on_scan is not None:
             self.on_scan({"waiting": error.what})
@@ -363,7 +365,7 @@ class LiveWatch:
             self._areas.popleft()
         faults = [self._to.mqtt.fault if self._to.mqtt is not None else None]
         faults += [self._log.fault if self._log is not None else None, *map(thread_fault, self._threads)]
-        warnings = [{"code": fault.code, "text": fault.text} for fault in faults if fault is not None]
+        warnings = [{"code": fault.code, **fault.texts} for fault in faults if fault is not None]
         warnings += status.get("warnings", ())
         first_s, first_m2 = self._areas[0]
         over_s = seen.t_s - first_s
@@ -374,13 +376,13 @@ class LiveWatch:
             "rate_m2ps": round((said.worked_m2 - first_m2) / over_s, 3) if over_s > 5.0 else None,
             "dropped": said.dropped,
             "lost_packets": said.lost_packets,
-            "warnings": [in_languages(warning["text"], warning["code"]) for warning in warnings[:5]],
+            "warnings": [by_language(warning) for warning in warnings[:5]],
         }
 
 
-def in_languages(text: str, code: str) -> dict[str, str]:
-    """A message by language, since the page is in that of its reader."""
-    return {language: translated(text, language, code) for language in LANGUAGES}
+def by_language(warning: Mapping[str, str]) -> dict[str, str]:
+    """The texts of a warning by language, since the page is in that of its reader."""
+    return {language: warning.get(f"text_{language}", warning["text"]) for language in LANGUAGES}
 
 
 def as_json(seen: LiveScan) -> dict[str, Any]:

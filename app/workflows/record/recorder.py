@@ -108,7 +108,7 @@ class Recorder:
                 raise
             notice = Notice("record-not-understood", source=STATUS, cause=cause_of(error))
             warnings = {**last.warnings, f"{notice.key} {STATUS}": notice}
-            said = [{"code": each.code, "text": each.text} for each in warnings.values()]
+            said = [{"code": each.code, **each.texts} for each in warnings.values()]
             values = {**last.values, "state": state, "time_s": time.time(), "complete": False, "warnings": said}
             return Status(values, last.summary, warnings)
 

@@ -114,7 +114,7 @@ class Watch:
             "disk": disk,
             "threads": threads,
             "complete": self._is_complete(scanners, threads),
-            "warnings": [{"code": notice.code, "text": notice.text} for notice in warnings.values()],
+            "warnings": [{"code": notice.code, **notice.texts} for notice in warnings.values()],
         }
         return Status(values, _summary(values), warnings)
 

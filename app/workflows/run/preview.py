@@ -112,7 +112,7 @@ def preview(
             "inputs": [{"name": name_from(root, one), "bytes": one.stat().st_size} for one in read],
             "figures": figures,
             "positions": found.located.positions,
-            "warnings": [{"code": notice.code, "text": notice.text} for notice in found.notices],
+            "warnings": [{"code": notice.code, **notice.texts} for notice in found.notices],
             "timings": found.timings_s,
             "products": sorted({PREVIEW_REPORT, *(path.name for path in staging.iterdir())}),
         }

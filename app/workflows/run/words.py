@@ -12,18 +12,17 @@ from zoneinfo import ZoneInfo
 
 from furrowmap.core.geodesy.local_time import span_words
 from furrowmap.core.runtime.errors import printable
-from furrowmap.core.runtime.languages.catalogue import translated
-from furrowmap.core.values.margins import MARGIN_SIGMAS, margin
+from furrowmap.core.runtime.languages.texts import Text, Words, in_language
+from furrowmap.core.values.margins import MARGIN_SIGMAS
 from furrowmap.exporters.files.result_folder import REPORT_PAGE
-from furrowmap.exporters.reports.area_units import area_words
+from furrowmap.exporters.reports.area_units import area_text
+from furrowmap.exporters.reports.quantity_words import NOT_KNOWN, margin_words
 
 _SENTENCE_END: Final = re.compile(r"(?<=[.!?]) (?=\S)|(?<=。)")
-_CODE: Final = "run-words"
-"""Of the texts in the catalogues of languages."""
 _FLYING: Final = ("imu", "trajectory", "parcels")
 """Tables of sessions that need no implement."""
 
-Rows = Iterator[tuple[str, str]]
+Rows = Iterator[tuple[Text, Words]]
 
 
 def run_words(report: Mapping[str, Any], folder: Path, language: str) -> str:
@@ -36,19 +35,18 @@ def run_words(report: Mapping[str, Any], folder: Path, language: str) -> str:
     figures = report["figures"]
     start_s, end_s = (dt.datetime.fromisoformat(figures[key]).timestamp() for key in ("start", "end"))
     span = span_words(start_s, end_s, ZoneInfo(figures["time_zone"]))
-    title = printable(report["session"]["name"] or translated("Field report", language))
-    rows = [
+    title = printable(report["session"]["name"] or Text("Field report").in_language(language))
+    rows: list[tuple[Text, Words]] = [
         *(_worked(report) if _knows_work(report) else ()),
-        *_crops(report.get("parcels") or {}),
-        *([("cloud", f"{figures['points']:,} points")] if figures["points"] else []),
-        ("accuracy", _accuracy(report["accuracy"], consistent=not report["verdict"]["text"])),
+        *_crops(report.get("parcels") or {}, language),
+        *([(Text("cloud"), Text("{points:,} points", points=figures["points"]))] if figures["points"] else []),
+        (Text("accuracy"), _accuracy(report["accuracy"], consistent=not report["verdict"]["text"])),
+        (Text("doubtful"), _doubtful(report, language)),
     ]
-    shown = [(translated(label, language, _CODE), translated(value, language, _CODE)) for label, value in rows]
-    shown.append((translated("doubtful", language, _CODE), _doubtful(report, language)))
-    page = translated(f"Open {printable(str(folder / REPORT_PAGE))}", language, _CODE)
-    head = translated(f"{title}: {span}", language, _CODE)
-    confidence = translated("± is twice the standard deviation (95 % confidence).", language)
-    return "\n".join([head, "", *_aligned(shown), "", confidence, page])
+    shown = [(label.in_language(language), str(in_language(value, language))) for label, value in rows]
+    page = Text("Open {page}", page=printable(str(folder / REPORT_PAGE))).in_language(language)
+    confidence = Text("± is twice the standard deviation (95 % confidence).").in_language(language)
+    return "\n".join([f"{title}: {span.in_language(language)}", "", *_aligned(shown), "", confidence, page])
 
 
 def _knows_work(report: Mapping[str, Any]) -> bool:
@@ -62,81 +60,104 @@ def _worked(report: Mapping[str, Any]) -> Rows:
     unit = report["session"]["report"]["area_unit"]
     tools = figures.get("tools") or [figures]
     for tool in tools:
-        about = f", {printable(tool['name'])}" if len(tools) > 1 else ""
+        name = printable(tool["name"]) if len(tools) > 1 else None
+        worked = Text("worked{tool:, {tool}|}", tool=name)
         if "worked_area_m2" not in tool:
             stated = report["session"]["implement"] is not None
-            reason = "unknown" if stated else "not computed, as the session states no implement"
-            yield f"worked{about}", reason
+            yield worked, NOT_KNOWN if stated else Text("not computed, as the session states no implement")
             continue
         if not tool["passes"]:
-            yield f"worked{about}", "nothing: the implement was never in the ground"
+            yield worked, Text("nothing: the implement was never in the ground")
             continue
-        passes = "1 pass" if tool["passes"] == 1 else f"{tool['passes']} passes"
-        yield f"worked{about}", f"{_area(tool, 'worked', unit)} in {passes}"
-        yield f"worked twice{about}", _area(tool, "overlap", unit)
-        yield f"missed{about}", _area(tool, "missed", unit)
+        area = _area(tool, "worked", unit)
+        if tool["passes"] == 1:
+            yield worked, Text("{area} in 1 pass", area=area)
+        else:
+            yield worked, Text("{area} in {passes} passes", area=area, passes=tool["passes"])
+        yield Text("worked twice{tool:, {tool}|}", tool=name), _area(tool, "overlap", unit)
+        yield Text("missed{tool:, {tool}|}", tool=name), _area(tool, "missed", unit)
         if "unworked_area_m2" in tool:
-            field = area_words(tool["field_area_m2"], unit)
-            yield f"not worked{about}", f"{_area(tool, 'unworked', unit)} of {field} of field"
+            left = Text(
+                "{area} of {field} of field",
+                area=_area(tool, "unworked", unit),
+                field=area_text(tool["field_area_m2"], unit),
+            )
+            yield Text("not worked{tool:, {tool}|}", tool=name), left
         implement = tool["implement"] or {}
         if implement.get("transitions") and implement["transition_sigma_s"]:
-            sigma = margin(implement["transition_sigma_s"], " s")
-            yield f"tool{about}", f"raised or lowered {implement['transitions']} times, {sigma}"
+            sigma = margin_words(implement["transition_sigma_s"], " s")
+            times = implement["transitions"]
+            moved = Text("raised or lowered {times} times, {margin}", times=times, margin=sigma)
+            yield Text("tool{tool:, {tool}|}", tool=name), moved
 
 
-def _area(figures: Mapping[str, Any], name: str, unit: str) -> str:
+def _area(figures: Mapping[str, Any], name: str, unit: str) -> Words:
     area_m2 = figures[f"{name}_area_m2"]
-    return area_words(area_m2, unit, figures[f"{name}_area_sigma_m2"]) if area_m2 > 0.0 else "nothing"
+    return area_text(area_m2, unit, figures[f"{name}_area_sigma_m2"]) if area_m2 > 0.0 else Text("nothing")
 
 
-def _crops(parcels: Mapping[str, Any]) -> Rows:
+def _crops(parcels: Mapping[str, Any], language: str) -> Rows:
     """Heights and volume of the crops of all parcels, and their response to a dose."""
     rows = parcels.get("parcels") or ()
     heights_m = _known(row.get("mean_height_m") for row in rows)
     volumes_m3 = _known(row.get("volume_m3") for row in rows)
     if heights_m:
         mean, low, high = (100.0 * value for value in (fmean(heights_m), min(heights_m), max(heights_m)))
-        many = f"{mean:.1f} cm on average ({len(heights_m)} parcels, {low:.1f} to {high:.1f} cm)"
-        yield "crop height", many if len(heights_m) > 1 else f"{mean:.1f} cm (1 parcel)"
+        if len(heights_m) == 1:
+            said = Text("{mean:.1f} cm (1 parcel)", mean=mean)
+        else:
+            said = Text(
+                "{mean:.1f} cm on average ({parcels} parcels, {low:.1f} to {high:.1f} cm)",
+                mean=mean,
+                parcels=len(heights_m),
+                low=low,
+                high=high,
+            )
+        yield Text("crop height"), said
     if volumes_m3:
-        yield "crop volume", f"{sum(volumes_m3):,.1f} m³"
-    if parcels.get("response"):
-        yield "response", parcels["response"]["sentences"][0]
+        yield Text("crop volume"), f"{sum(volumes_m3):,.1f} m³"
+    if response := parcels.get("response"):
+        yield Text("response"), str(response.get(f"sentences_{language}", response["sentences"])[0])
 
 
 def _known(values: Iterable[Any]) -> list[float]:
     return [value for value in values if isinstance(value, int | float) and math.isfinite(value)]
 
 
-def _accuracy(accuracy: Mapping[str, Any], *, consistent: bool) -> str:
+def _accuracy(accuracy: Mapping[str, Any], *, consistent: bool) -> Text:
     """Margins of the positions, and the places in the session that they rest on."""
     east, north, up = (accuracy[f"sigma_{axis}_m"]["median"] for axis in "enh")
     if accuracy["unstated"]:
-        return f"unknown, as the session leaves out {', '.join(accuracy['unstated'])}"
-    across = math.hypot(east, north) if east is not None and north is not None else None
-    words = f"{_distance(across)} horizontally, {_distance(up)} in height"
+        return Text("unknown, as the session leaves out {keys}", keys=", ".join(accuracy["unstated"]))
+    across = _distance(math.hypot(east, north) if east is not None and north is not None else None)
+    height = _distance(up)
     keys = ", ".join(accuracy["unconfirmed"])
-    return f"{words}, if the session is right about {keys}" if keys and consistent else words
+    if not (keys and consistent):
+        return Text("{across} horizontally, {up} in height", across=across, up=height)
+    return Text(
+        "{across} horizontally, {up} in height, if the session is right about {keys}",
+        across=across,
+        up=height,
+        keys=keys,
+    )
 
 
-def _distance(sigma_m: float | None) -> str:
+def _distance(sigma_m: float | None) -> Words:
     far = sigma_m is not None and MARGIN_SIGMAS * sigma_m >= 1.0
-    return margin(sigma_m, " m") if far else margin(sigma_m, " cm", 100.0)
+    return margin_words(sigma_m, " m") if far else margin_words(sigma_m, " cm", 100.0)
 
 
-def _doubtful(report: Mapping[str, Any], language: str) -> str:
+def _doubtful(report: Mapping[str, Any], language: str) -> Words:
     """The first sentence of what to act on first; how many findings there are beside it."""
     found = report["verdict"]["findings"]
     others = sum(warning["follows"] is None for warning in report["warnings"]) - len(found)
     if not found:
-        more = f"nothing; notes in the report: {others}" if others else "nothing"
-        return translated(more, language, _CODE)
+        return Text("nothing; notes in the report: {notes}", notes=others) if others else Text("nothing")
     text = found[0].get(f"text_{language}") or found[0]["text"]
     first = printable(_SENTENCE_END.split(text, maxsplit=1)[0])
     if len(found) == 1:
         return first
-    more = translated(f"Further findings in the report: {len(found) - 1}.", language, _CODE)
-    return f"{first}{'' if first.endswith('。') else ' '}{more}"
+    return Text("{first} Further findings in the report: {others}.", first=first, others=len(found) - 1)
 
 
 def _aligned(rows: Sequence[tuple[str, str]]) -> list[str]:

@@ -13,7 +13,7 @@ from furrowmap.exporters.files.result_folder import REPORT_PAGE, open_result, re
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.reports.area_units import in_area_unit
 from furrowmap.exporters.reports.html_pages import write_pdf
-from furrowmap.exporters.reports.page_language import in_language, language_of, unbroken
+from furrowmap.exporters.reports.page_language import has_other_languages, in_language, language_of
 from furrowmap.exporters.share.field_project import FIELD_PRODUCTS, PROJECT_FILE, write_field_project
 from furrowmap.exporters.share.page import INDEX, PAGE_PRODUCTS, SHARE_REPORT, write_page
 from furrowmap.workflows.share.export import refuse_result
@@ -32,7 +32,7 @@ def write_report_page(
     Args:
         result: its folder.
         out: the page or PDF; by default `report.html` of the result is replaced, or `report.pdf` written beside it.
-        language: "en" or "ja"; by default that of the page.
+        language: "en" or "ja"; by default the user's, or else that of the page.
         area_unit: "ha", "10a" or "acre"; by default that of the page.
         pdf: write a PDF, on A4.
 
@@ -40,7 +40,7 @@ def write_report_page(
         The file written.
 
     Raises:
-        InputError: if there is no page, or it cannot be read or written.
+        InputError: if there is no page, it cannot be read or written, or an earlier version wrote it in one language.
         RefusedError: if a PDF is asked for and no browser is installed, or it fails.
     """
     source = Path(result) / REPORT_PAGE
@@ -48,8 +48,11 @@ def write_report_page(
         page = read_own(Path(result), REPORT_PAGE).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError("result-unreadable", source=source, error=error) from None
-    page = in_language(page, language or language_of_user(language_of(page)))
-    page = unbroken(in_area_unit(page, area_unit) if area_unit is not None else page)
+    shown = language or language_of_user(language_of(page))
+    if shown != language_of(page) and not has_other_languages(page):
+        raise InputError("result-unreadable.one-language", source=source, language=shown)
+    page = in_language(page, shown)
+    page = in_area_unit(page, area_unit) if area_unit is not None else page
     target = Path(out) if out is not None else source.with_suffix(".pdf" if pdf else ".html")
     if pdf:
         write_pdf(target, page)

@@ -5,7 +5,8 @@ The English template is the key of the text in the catalogues of other languages
     "line {line} names {name!r}" = "{line} 行目に {name} があります"
 
 A catalogue is all files of a language but that of its messages, such as `ja_pages.toml`. A template that a catalogue
-lacks is shown in English.
+lacks is shown in English. The table `[share]` holds the texts of a place that has other words for some of them, as
+contexts of gettext do.
 """
 
 import tomllib
@@ -64,6 +65,9 @@ LIST_STYLES: Final = {
     "or": (", ", " or "),
 }
 """What stands between the items of a list, and before its last, by the format that its hole states."""
+SHARE: Final = "share"
+"""The place of the texts of shared results, among them the words for classes of points."""
+PLACES_WITH_OWN_WORDS: Final = (SHARE,)
 
 
 def shown_values(
@@ -120,6 +124,16 @@ def plain_value(value: Any) -> Value:
     return float(value) if isinstance(value, float) else without_passwords(str(value))
 
 
+def label_text(label: str) -> Text:
+    """A text of a table of labels, such as names of columns, which tests hold against the catalogues."""
+    return Text(label)
+
+
+def in_every_language(text: Words) -> dict[str, str]:
+    """A text by language, for what is read in another one than that of its writer."""
+    return {language: str(in_language(text, language)) for language in LANGUAGES}
+
+
 @cache
 def templates(language: str) -> Mapping[str, Mapping[str, str]]:
     """The templates of every key of a language, by part; those of a variant with the parts of its code."""
@@ -142,18 +156,21 @@ def words_of(language: str) -> Mapping[str, str]:
 
 
 @cache
-def texts_of(language: str) -> Mapping[str, str]:
+def texts_of(language: str, place: str = "") -> Mapping[str, str]:
     """The texts of a language by their English templates, parts of messages too; none for English.
 
-    ValueError for an unknown language.
+    `place` is one of :data:`PLACES_WITH_OWN_WORDS`; "" are all others. ValueError for an unknown language.
     """
     if language not in LANGUAGES:
         message = f"there is no catalogue of {language!r}"
         raise ValueError(message)
+    if place:
+        return _tables(language).get(place, {})
     own = templates(language)
     parts = ((english, own[key][part]) for key, of in templates(ENGLISH).items() for part, english in of.items())
     found = {} if language == ENGLISH else dict(parts)
-    return found | {source: target for table in _tables(language).values() for source, target in table.items()}
+    tables = [table for title, table in _tables(language).items() if title not in PLACES_WITH_OWN_WORDS]
+    return found | {source: target for table in tables for source, target in table.items()}
 
 
 @cache

@@ -34,7 +34,7 @@ from furrowmap.core.values.machine import Machine
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs, Recording
 from furrowmap.workflows.live.feeds import FolderFeed
-from furrowmap.workflows.live.live import Outlets, in_languages
+from furrowmap.workflows.live.live import Outlets, by_language
 from furrowmap.workflows.live.nmea import sentences
 from furrowmap.workflows.live.server import QUEUED_MESSAGES, Hub, PageServer, Pictures, event, serve_lines
 from furrowmap.workflows.record.udp_packets import PCAP_HEAD, PCAP_RECORD
@@ -252,13 +252,14 @@ def test_waiting_and_warnings__are_said_in_the_languages_of_readers() -> None:
     assert joined is not None
     outlets, waits = Outlets(Pictures(), hub, Hub(), None, None, None), InputError("live-waits")
     silent = Notice("record-silent", source="192.168.1.201", age_s=3.0)  # as the recorder's status has it
-    outlets.wait_for(waits, [{"code": silent.code, "text": silent.text}])
+    outlets.wait_for(waits, [{"code": silent.code, **silent.texts}])
     said = json.loads(joined.queue.get_nowait().decode().partition("data: ")[2])
     assert said == {
         "en": f"{waits.what} {silent.text}",
         "ja": f"{waits.lines_in('ja')[0]} {silent.text_in('ja')}",
     }
-    assert in_languages(silent.text, silent.code) == {"en": silent.text, "ja": silent.text_in("ja")}
+    assert by_language({"code": silent.code, **silent.texts}) == {"en": silent.text, "ja": silent.text_in("ja")}
+    assert by_language({"code": "of-an-old-recorder", "text": silent.text})["ja"] == silent.text
 
 
 def test_sources__that_cannot_be_used_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

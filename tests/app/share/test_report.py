@@ -29,6 +29,17 @@ def test_report__in_japanese_and_ares_and_back(result: Path) -> None:
     assert written.read_text(encoding="utf-8") == PAGE
 
 
+def test_report__of_an_earlier_version_stays_in_its_language(result: Path) -> None:
+    """Its texts are there in one language alone; area and PDF can be changed."""
+    page = result / "report.html"
+    page.write_text(re.sub(r'<meta name="furrowmap-texts".*?>\n', "", PAGE), encoding="utf-8")
+    furrowmap.write_report_page(result, area_unit="10a")
+    assert ">54.21 a</data> worked in 3 passes" in page.read_text(encoding="utf-8")
+    with using(language="ja"), pytest.raises(furrowmap.InputError, match="no texts in the language") as refused:
+        furrowmap.write_report_page(result, area_unit="10a")
+    assert refused.value.code == "result-unreadable"
+
+
 def test_report__is_printed_with_its_fonts(result: Path) -> None:
     if pages.browser() is None:
         pytest.skip("no Chromium, Chrome or Edge")

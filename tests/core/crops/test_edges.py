@@ -46,7 +46,12 @@ def test_doses__by_a_stated_name_in_any_case_or_by_what_names_say() -> None:
     assert dose_unit("n_kg_ha") == "kg/ha"
     assert dose_unit("Nitrogen") == dose_unit(None) == ""
     names = ("n_kg_ha", "mean_height_m", "volume_m3", "cover")
-    assert [*map(column_words, names)] == ["nitrogen (kg/ha)", "mean height (m)", "volume (m³)", "cover"]
+    assert [str(column_words(name)) for name in names] == [
+        "nitrogen (kg/ha)",
+        "mean height (m)",
+        "volume (m³)",
+        "cover",
+    ]
     np.testing.assert_array_equal(parcel_doses(parcels, "Nitrogen"), [120.0, np.nan])
     with pytest.raises(InputError, match="No parcel has a number under 'Variety'") as refused:
         dose_name(parcels, "Variety")

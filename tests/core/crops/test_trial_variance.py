@@ -144,7 +144,7 @@ def test_a_factor_that_changes_the_response__is_told_and_read_alone() -> None:
     start: list[Attribute] = ["no"] * 28 + ["JumpStart"] * 28
     found = trial(value, TrialPlan(factors=("Inoculant",)), inoculant=start)
     assert found.differs["Inoculant"] < 0.001
-    assert "The response differs by Inoculant" in " ".join(found.sentences)
+    assert "The response differs by Inoculant" in " ".join(map(str, found.sentences))
     assert [part.label for part in found.parts] == ["no", "JumpStart"]
     assert found.variance is not None
     assert "dose × Inoculant" in {row.source for row in found.variance.rows}
@@ -159,7 +159,7 @@ def test_split_doses__are_compared_at_equal_sums() -> None:
     value = np.concatenate([heights(1), heights(2)]) + 0.05 * (np.arange(56) % 2)
     found = trial(value, TrialPlan(), n_kg_ha_by_day=late)
     assert found.differs["split"] < 0.001
-    assert "Equal sums of different single doses differ" in " ".join(found.sentences)
+    assert "Equal sums of different single doses differ" in " ".join(map(str, found.sentences))
     none = trial(np.concatenate([heights(1), heights(2)]), TrialPlan(), n_kg_ha_by_day=late)
     assert none.differs["split"] > 0.05
 

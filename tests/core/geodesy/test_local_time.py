@@ -82,8 +82,8 @@ def test_local_time__is_to_the_millisecond() -> None:
 def test_span__names_the_second_day_only_where_it_is_another() -> None:
     tokyo = ZoneInfo("Asia/Tokyo")
     first_s = dt.datetime(2026, 6, 11, 14, 50, tzinfo=dt.UTC).timestamp()
-    assert span_words(first_s, first_s + 90.0, tokyo) == "2026-06-11, 23:50:00 to 23:51:30 (Asia/Tokyo, UTC+09:00)"
-    assert span_words(first_s, first_s + 3600.0, tokyo) == (
+    assert str(span_words(first_s, first_s + 90.0, tokyo)) == "2026-06-11, 23:50:00 to 23:51:30 (Asia/Tokyo, UTC+09:00)"
+    assert str(span_words(first_s, first_s + 3600.0, tokyo)) == (
         "2026-06-11, 23:50:00 to 2026-06-12, 00:50:00 (Asia/Tokyo, UTC+09:00)"
     )
     marquesas = ZoneInfo("Pacific/Marquesas")

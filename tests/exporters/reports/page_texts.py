@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from furrowmap.exporters.reports.page_language import map_texts
+from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
+from furrowmap.exporters.reports.page_language import in_language, map_texts
+
+
+def shown(page: str, language: str = "en") -> str:
+    """A page as it is written."""
+    return in_area_unit(in_language(page, language), HECTARE)
 
 
 def texts(page: str) -> list[str]:

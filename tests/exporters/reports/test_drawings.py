@@ -28,7 +28,7 @@ from tests.exporters.reports.drawn import FloatArray, corners, number, reading, 
 from tests.exporters.vectors.worked_field import LIFTED_M, worked_field
 
 POSES, WORK = worked_field()
-UNKNOWN = replace(POSES, sigma=np.full_like(POSES.sigma, np.nan))
+NOT_KNOWN = replace(POSES, sigma=np.full_like(POSES.sigma, np.nan))
 
 
 def times(root: ET.Element, x: FloatArray | float | tuple[float, float]) -> FloatArray:
@@ -171,7 +171,7 @@ def test_path__is_unbroken_where_the_fix_changes() -> None:
 
 @pytest.mark.parametrize(
     "drawn",
-    [tool_graph(WORK), quality_graph(POSES), quality_graph(UNKNOWN), activity_graph(POSES, WORK), quality_map(POSES)],
+    [tool_graph(WORK), quality_graph(POSES), quality_graph(NOT_KNOWN), activity_graph(POSES, WORK), quality_map(POSES)],
     ids=["tool", "quality", "fixes alone", "activity", "map"],
 )
 def test_drawing__is_as_large_as_what_is_on_it(drawn: str) -> None:

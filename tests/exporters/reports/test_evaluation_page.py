@@ -23,6 +23,7 @@ from furrowmap.core.runtime.settings import using
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.exporters.reports.evaluation_figures import EPOCH_COLUMNS
 from furrowmap.exporters.reports.evaluation_page import EVALUATION_PRODUCTS, page, write_evaluation
+from furrowmap.exporters.reports.page_language import in_language
 from tests.exporters.reports.page_texts import texts
 
 
@@ -126,7 +127,7 @@ def test_times__are_local_for_people_and_utc_in_the_data(tmp_path: Path) -> None
 
 
 def test_page__of_several_services_has_them_side_by_side() -> None:
-    text = page(services())
+    text = in_language(page(services()), "en").partition("<body>")[2]
     table = text.partition("Services side by side")[2].partition("</section>")[0]
     assert re.findall(r"<th class=.text.[^>]*>(\w+):", table) == ["MADOCA", "SLAS"]
     assert table.count("<td>RMSE</td>") == 2

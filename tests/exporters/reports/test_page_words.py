@@ -7,7 +7,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from furrowmap.exporters.reports.html_pages import duration_words, number
+from furrowmap.exporters.reports.page_language import chosen
+from furrowmap.exporters.reports.quantity_words import NOT_KNOWN, duration_words, number
 from furrowmap.exporters.reports.report_page import _median, range_image, range_picture
 
 
@@ -19,12 +20,13 @@ from furrowmap.exporters.reports.report_page import _median, range_image, range_
     ],
 )  # fmt: skip
 def test_durations(length_s: float, words: str) -> None:
-    assert duration_words(length_s) == words
+    assert str(duration_words(length_s)) == words
 
 
 def test_numbers__that_are_not_known_are_called_so() -> None:
     assert number(1.25, "{:.1f} m") == "1.2 m"
-    assert number(float("nan"), "{:.1f} m") == number(None, "{:.1f} m") == "unknown"
+    assert number(float("nan"), "{:.1f} m") == number(None, "{:.1f} m") == NOT_KNOWN
+    assert str(NOT_KNOWN) == "unknown"
     assert _median(np.array([np.nan, 3.0, 1.0, 2.0])) == 2.0
     assert np.isnan(_median(np.full(3, np.nan)))
 
@@ -38,7 +40,7 @@ def test_depth_picture__of_nothing_is_grey() -> None:
 def test_range_image__has_axes_in_degrees_and_lasers_and_the_ranges_of_its_colours() -> None:
     azimuth_deg = np.arange(340.5, 400.0)  # across azimuth 0
     range_m = np.tile(np.linspace(2.0, 5.0, len(azimuth_deg), dtype=np.float32), (16, 1))
-    image = ET.fromstring(range_image(range_m, azimuth_deg, None, "up"))
+    image = ET.fromstring(chosen(range_image(range_m, azimuth_deg, None, "up"), "en"))
     texts = {str(text.text): float(text.get("x", "nan")) for text in image.iter("text")}
     assert {"1", "8", "16", "laser", "azimuth", "range 2.1 m", "4.9 m"} <= set(texts)
     assert {"340°", "350°", "0°", "10°", "20°", "30°", "40°"} <= set(texts)

@@ -13,6 +13,7 @@ from furrowmap.core.crops.dose_columns import column_words
 from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.values.parcel import Parcel
+from furrowmap.exporters.reports.page_language import chosen
 from furrowmap.exporters.reports.parcel_sections import (
     MAX_NAMED_PARCELS,
     MAX_TABLE_PARCELS,
@@ -76,14 +77,14 @@ def test_response__is_drawn_over_the_dose_of_the_parcels() -> None:
         for k, row in enumerate(parcels([0.4, 0.5, 0.6, 0.65, 0.67]))
     ]
     response = fit_response(dose, np.array([row.figures.mean_height_m for row in rows]))
-    text = parcel_sections(rows, response)
+    text = chosen(parcel_sections(rows, response), "en")
     assert text.count("<circle") >= len(dose)
     assert "mean height" in text
     assert f">{column_words('n_kg_ha')}<" in text
 
 
 def test_many_parcels__are_cut_in_the_table_and_have_no_names_on_the_map() -> None:
-    text = parcel_sections(parcels([0.4] * (MAX_TABLE_PARCELS + 7)))
+    text = chosen(parcel_sections(parcels([0.4] * (MAX_TABLE_PARCELS + 7))), "en")
     assert "7 more parcels are in parcels.csv" in text
     assert text.count("<tr>") == MAX_TABLE_PARCELS + 1
     assert 'class="number"' in text, "the arrow's N"

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.values.scan import Clock
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.reports.run_report import write_report
@@ -22,6 +23,8 @@ VALUES = st.recursive(
     lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
     max_leaves=20,
 )
+
+TEXTS = ("text", *(f"text_{language}" for language in LANGUAGES[1:]))
 
 
 def strict_json(text: str) -> Any:
@@ -51,7 +54,8 @@ def test_report__has_its_versions_and_its_keys_in_order(tmp_path: Path) -> None:
     assert content["schema"] == 1
     assert content["figures"] == {"points": 7_977_874, "spread_m": None, "box_m": [1.0, 2.0]}
     assert content["clocks"] == {"lidar": {"clock": "sensor-gps"}}
-    assert content["warnings"] == [{"code": "gap", "values": {"text": "A gap of 5 s."}, "text": "A gap of 5 s."}]
+    (warning,) = content["warnings"]
+    assert warning == {"code": "gap", "values": {"text": "A gap of 5 s."}, **dict.fromkeys(TEXTS, "A gap of 5 s.")}
     assert content["inputs"] == [{"name": "recording.pcap", "bytes": 3, "sha256": "ab"}]
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
 

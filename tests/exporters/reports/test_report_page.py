@@ -28,6 +28,7 @@ from furrowmap.exporters.reports.drawings import (
     tool_graph,
     work_map,
 )
+from furrowmap.exporters.reports.page_language import chosen
 from furrowmap.exporters.reports.svg import WIDTH, Sheet, curve
 from tests.exporters.vectors.worked_field import worked_field
 
@@ -106,7 +107,7 @@ def test_swath_histogram__bars_are_the_shares_of_the_ground(spread_m: float, edg
     sums.add(np.random.default_rng(3).normal(0.0, spread_m, 4000).astype(np.float32), 0.16)
     differences = sums.differences()
     assert differences is not None
-    text = swath_histogram(differences)
+    text = chosen(swath_histogram(differences), "en")
     root = ET.fromstring(text)
     bars = [shape.attrib for shape in root if shape.attrib.get("class") == "bars"]
     middle = next(float(shape.attrib["x1"]) for shape in root if shape.attrib.get("class") == "threshold")

@@ -10,11 +10,9 @@ import numpy as np
 import shapely
 
 from furrowmap.exporters.files.batch_state import Failure, SessionOutcome
-from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
-from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.season_pages import batch_page, history_page, tie_page
 from furrowmap.exporters.vectors.batch_table import Row
-from tests.exporters.reports.page_texts import texts
+from tests.exporters.reports.page_texts import shown, texts
 
 JUNE = {
     "start": "2026-06-11T16:23:40.937Z",
@@ -25,6 +23,11 @@ LINES = (
     "north/session.toml: 'gone.pcap' does not exist.",
     "The session could not be opened.",
     "Correct the file name in the session file; paths are relative to that file.",
+)
+JAPANESE_LINES = (
+    "north/session.toml：'gone.pcap' がありません。",
+    "セッションを開けませんでした。",
+    "セッションファイルのファイル名を直してください。パスはそのファイルからの相対パスです。",
 )
 MOVE = {
     name: 0.0123 for key in ("east_m", "north_m", "height_m", "tilt_east_deg", "tilt_north_deg", "turn_deg")
@@ -44,7 +47,7 @@ def batch() -> str:
     done = SessionOutcome(
         "", figures={**JUNE, "session": "北の畑", "duration_s": 59.8, "worked_area_m2": 42.5, "passes": 3}
     )
-    failed = SessionOutcome("", failure=Failure("session-file-missing", LINES, 2))
+    failed = SessionOutcome("", failure=Failure("session-file-missing", LINES, 2, {"ja": JAPANESE_LINES}))
     return batch_page([Row("june", "", "東", done), Row("south", "", "", failed)])
 
 
@@ -68,7 +71,7 @@ def history() -> str:
 
 def test_pages__in_japanese_have_no_english() -> None:
     for page in (batch(), ties(), history()):
-        said = [html.unescape(text).strip() for text in texts(in_language(in_area_unit(page, HECTARE), "ja"))]
+        said = [html.unescape(text).strip() for text in texts(shown(page, "ja"))]
         left = {text for text in said if re.search(r"[A-Za-z]{4}", re.sub("<data.*?</data>", "", text))}
         names = r"furrowmap [0-9.]+|north/session\.toml|session-file-missing|gone\.pcap|batch\.(csv|gpkg)"
         names += r"|tie\.json|june|south|\(Asia/Tokyo\)"
@@ -84,7 +87,7 @@ def test_pages__show_local_times_with_their_zone() -> None:
 
 
 def test_figures__are_as_large_as_their_units() -> None:
-    page = in_area_unit(history(), HECTARE)
+    page = shown(history())
     assert '<data class="area" value="5421.3">0.542 ha</data>' in page
     assert "<td>26 s</td>" in page  # of 0.0072 h
     assert "depth (approximate)" in page

@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from furrowmap.core.crops.dose_columns import column_words
 from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.response_values import Estimate, FittedModel, Response
-from furrowmap.core.crops.response_words import MODEL_WORDS
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.exporters.reports.page_language import chosen
 from furrowmap.exporters.reports.trial_charts import (
     GROUP_COLOURS,
     ParcelValues,
@@ -31,7 +32,7 @@ DOSE = np.array([0.0, 40.0, 90.0, 160.0, 0.0, 40.0, 90.0, 160.0, np.nan, 40.0])
 HEIGHT_M = np.array([0.41, 0.55, 0.62, 0.66, 0.44, 0.57, 0.61, 0.69, 0.90, np.nan])
 BLOCK = ["A"] * 4 + ["B"] * 4 + ["A", "B"]
 KNOWN = np.isfinite(DOSE) & np.isfinite(HEIGHT_M)
-POINTS = ParcelValues(HEIGHT_M, BLOCK, "mean height (m)", "block")
+POINTS = ParcelValues(HEIGHT_M, BLOCK, column_words("mean_height_m"), Text("block"))
 
 
 def response(optimum: Estimate | None = None) -> Response:
@@ -64,11 +65,12 @@ def _is_number(text: ET.Element) -> bool:
 
 
 def test_response_chart__shows_each_parcel_at_its_dose_and_height() -> None:
-    root = ET.fromstring(response_chart(DOSE, POINTS, response(), "n_kg_ha"))
+    chart = response_chart(DOSE, POINTS, response(), "n_kg_ha")
+    root = ET.fromstring(chart)
     _, read = axes(root)
     assert read == pytest.approx(np.column_stack([DOSE, HEIGHT_M])[KNOWN], abs=0.2)
     assert read[:, 1] == pytest.approx(HEIGHT_M[KNOWN], abs=2e-4)
-    words = [text.text for text in root.iter("text")]
+    words = [text.text for text in ET.fromstring(chosen(chart, "en")).iter("text")]
     assert {"mean height (m)", "n_kg_ha", "block", "A", "B"} <= set(words)
     assert {"0", "50", "100", "150"} <= set(words)
     assert not [*root.iter("polyline"), *root.iter("polygon"), *root.iter("rect")]
@@ -273,7 +275,7 @@ def test_charts__of_nothing_known_have_an_axis() -> None:
 
 
 def test_file__of_a_chart_has_a_size_and_a_white_ground() -> None:
-    chart = response_chart(DOSE, POINTS, response(), "nitrogen (kg/ha)")
+    chart = response_chart(DOSE, POINTS, response(), column_words("n_kg_ha"))
     root = ET.fromstring(standalone(chart, "ja").encode())
     words = {text.text for text in root.iter() if text.tag.endswith("text")}
     assert {"平均の高さ（m）", "窒素（kg/ha）", "ブロック", "A"} <= words

@@ -15,6 +15,7 @@ import pytest
 import rasterio
 from pyproj import CRS
 
+from furrowmap.core.runtime.languages.texts import SHARE, texts_of
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import RUN_RASTERS, packaged_style, packaged_styles
@@ -23,7 +24,6 @@ from furrowmap.exporters.rasters.web_images import encode_image
 from furrowmap.exporters.share.page import WEBP_QUALITY, draw_raster
 from furrowmap.exporters.share.page_features import SHOWN_FIELDS
 from furrowmap.exporters.share.page_points import CLASS_COLOURS
-from furrowmap.exporters.share.shown_layers import JAPANESE
 from furrowmap.exporters.share.symbols import layer_style
 from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 from tests.exporters.rasters.written_cogs import write_cog
@@ -37,6 +37,9 @@ FIELD_LAYERS = ("events", "trajectory", "tool_path", "misses", "unworked", "boun
 NAMES = {"English", "Japanese", "LineString", "Polygon"}
 """Of languages, and of what OpenLayers draws."""
 NUMBER = re.compile(r"-?[\d.]+( m| mm)?")
+
+
+JAPANESE = texts_of("ja", SHARE)
 
 
 def texts() -> set[str]:

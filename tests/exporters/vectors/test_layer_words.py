@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.texts import texts_of
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, FARM_LABELS, LAYER_NAMES, VALUES
 from furrowmap.exporters.vectors.qgis_styles import in_language, naming_tools, with_words
@@ -59,4 +59,4 @@ def test_words__are_all_in_japanese() -> None:
     names = (COLUMN_LABELS, FARM_LABELS, LAYER_NAMES, *VALUES.values())
     words = {word for each in names for word in each.values()}
     for word in words - {"PPP"}:
-        assert re.search(r"[ぁ-ヿ一-龥]|RTK FI|RTK FL", translated(word, "ja")), word
+        assert re.search(r"[ぁ-ヿ一-龥]|RTK FI|RTK FL", texts_of("ja").get(word, word)), word

@@ -1,52 +1,13 @@
-"""Texts in Japanese: a template takes the values of a text over, and what is unknown stays as it is."""
+"""The language of the user, and texts in it."""
 
 from __future__ import annotations
 
-import re
-import string
-
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
-from furrowmap.core.runtime.languages.catalogue import HOLE, Template, catalogue, translated
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.settings import LANGUAGE_VARIABLE, language_of_user, using
 from furrowmap.core.session.session_file import parse_session
-
-
-def test_catalogue__takes_every_value_over_once_at_least() -> None:
-    for code, table in catalogue("ja").tables.items():
-        for source, target in table.items():
-            used = {int(number) for number in re.findall(r"\{(\d+)\}", target)}
-            numbered = {int(number) for number in re.findall(r"\{(\d+)\}", source)}  # of the lines of map tips
-            assert used <= set(range(1, source.count(HOLE) + 1)) | numbered, (code, source)
-
-
-@given(st.lists(st.text(string.ascii_letters + string.digits, min_size=1), min_size=2, max_size=2))
-def test_template__finds_the_values_that_were_put_into_its_source(values: list[str]) -> None:
-    template = Template("From … there are … °.", "{2} 度、{1} から")
-    text = "From {} there are {} °.".format(*values)
-    assert template.values(text) == tuple(values)
-    assert template.filled(template.values(text) or ()) == f"{values[1]} 度、{values[0]} から"
-
-
-def test_translated__sentence_by_sentence_and_in_lists() -> None:
-    assert translated("Areas in the map's plane. The relief is lit from the north-west.", "ja") == (
-        "面積は地図平面上の値です。陰影は北西からの光によります。"
-    )
-    assert (
-        translated("3.1 ha worked in 2 passes, no strip missed.", "ja")
-        == "2 行程で 3.1 ha を作業、行程間の作業残しなし。"
-    )
-
-
-def test_translated__leaves_what_it_does_not_know_and_all_of_english() -> None:
-    assert translated("Two passes beside the barn", "ja") == "Two passes beside the barn"
-    assert translated("No warnings.", "en") == "No warnings."
-    with pytest.raises(ValueError, match="no catalogue"):
-        translated("No warnings.", "xx")
 
 
 def test_language__of_the_command_line_before_that_of_the_session_before_that_of_the_environment(

@@ -1,0 +1,57 @@
+"""Numbers, durations and margins of error of pages, as texts that are shown in any language."""
+
+import math
+from typing import Final
+
+from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.values.margins import margin, with_margin
+
+NOT_KNOWN: Final = Text("unknown")
+_SECONDS: Final = " s"
+"""The unit that other languages write differently."""
+
+
+def number(value: float | None, form: str) -> Words:
+    """A value in a format such as "{:.1f} cm"; "unknown" for None and what is not finite."""
+    return form.format(value) if value is not None and math.isfinite(value) else NOT_KNOWN
+
+
+def days_words(first: str, last: str) -> str:
+    """The days from a first to a last one, in any language: "2026-06-11 – 2026-06-18"."""
+    return first if first == last else f"{first} – {last}"
+
+
+def duration_words(length_s: float) -> Text:
+    """Seconds, minutes or hours."""
+    whole = round(length_s)
+    if whole >= 3600:
+        return Text("{hours} h {minutes:02d} min", hours=whole // 3600, minutes=whole // 60 % 60)
+    if whole >= 60:
+        return Text("{minutes} min {seconds:02d} s", minutes=whole // 60, seconds=whole % 60)
+    return Text("{seconds} s", seconds=whole)
+
+
+def margin_words(sigma: float | None, unit: str = "", factor: float = 1.0) -> Words:
+    """A margin of error, see :func:`~furrowmap.core.values.margins.margin`."""
+    if sigma is None or not math.isfinite(sigma) or sigma <= 0.0:
+        return NOT_KNOWN
+    if unit == _SECONDS:
+        return Text("{seconds} s", seconds=margin(sigma, "", factor))
+    return margin(sigma, unit, factor)
+
+
+def with_margin_words(
+    value: float | None,
+    sigma: float | None,
+    unit: str = "",
+    factor: float = 1.0,
+    digits: int = 1,
+    *,
+    sign: bool = False,
+) -> Words:
+    """A value with its margin of error, see :func:`~furrowmap.core.values.margins.with_margin`."""
+    if value is None or not math.isfinite(value):
+        return NOT_KNOWN
+    if unit == _SECONDS:
+        return Text("{seconds} s", seconds=with_margin(value, sigma, "", factor, digits, sign=sign))
+    return with_margin(value, sigma, unit, factor, digits, sign=sign)
