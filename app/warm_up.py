@@ -74,9 +74,10 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
         nonlocal helper
         own = _listed([command]) if command else {}
         seconds = sum(map(len, (own or _listed([MOST_KERNELS])).values())) / KERNELS_A_SECOND / threads()
-        text = Text("Compiling kernels for this machine, once: up to {seconds:.0f} s.", seconds=seconds)
-        more = Text("furrowmap warm-up compiles everything in advance.")
-        say(joined((text, more), ".", language_of_user()))
+        if seconds >= WORTH_SAYING_S:
+            text = Text("Compiling kernels for this machine, once: up to {seconds:.0f} s.", seconds=seconds)
+            more = Text("furrowmap warm-up compiles everything in advance.")
+            say(joined((text, more), ".", language_of_user()))
         if command and own and threads() > 1:
             options = ["--quiet", "--threads", str(threads() - 1)]
             helper = subprocess.Popen(  # noqa: S603 (this interpreter)

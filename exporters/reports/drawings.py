@@ -215,7 +215,7 @@ def quality_graph(poses: ScanPoses) -> Markup:
     if not np.isfinite(sigma_m).any():
         return drawing(WIDTH, 52.0, [*parts, *time.labels(14.0)], Text("Quality of the positions over time"))
     axis = Axis(0.0, max(0.01, float(np.nanquantile(sigma_m, 0.99)) * 1.3), 130.0, 20.0)
-    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm", Text("standard deviation"))
+    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm", Text("sigma"))
     parts += curve(time.at(poses.t_s), np.maximum(axis.at(sigma_m), 20.0))
     parts += time.labels(130.0)
     return drawing(WIDTH, 168.0, parts, Text("Quality and accuracy of the positions over time"))

@@ -24,7 +24,7 @@ from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.reports.area_units import HECTARE, area, in_area_unit, work_rate
-from furrowmap.exporters.reports.page_language import in_language, in_page, said
+from furrowmap.exporters.reports.page_language import in_language, in_page, said, unbroken
 from furrowmap.exporters.reports.quantity_words import (
     days_words,
     duration_words,
@@ -103,7 +103,7 @@ def write_pdf(path: Path, page: str) -> None:
 
 def write_html(path: Path, page: str, language: str | None = None, area_unit: str = HECTARE) -> None:
     """Write a page of ours in a language, by default the user's, and with areas in a unit."""
-    text = in_area_unit(in_language(page, language or language_of_user()), area_unit)
+    text = unbroken(in_area_unit(in_language(page, language or language_of_user()), area_unit))
     with atomic_output(path) as unfinished:
         unfinished.write_text(text, encoding="utf-8", errors="xmlcharrefreplace", newline="")
 

@@ -23,6 +23,12 @@ _TEXT_ATTRIBUTE: Final = re.compile(r'\b(alt|aria-label)="([^"]*)"')
 _META: Final = re.compile(rf'<meta name="{KEPT}" content="([^"]*)">\n')
 _SAID: Final = re.compile(r"⟦said (.*?)⟧")
 _AREA: Final = re.compile(r"⟦(?:area|rate) [^⟧]*⟧")
+_NO_BREAK: Final = "\u00a0"
+_UNITS_OF_FIGURES: Final = (
+    "%|mm²?|cm|m[²³]?|km|ha|acres?|a|(?:k?m|ha|a|acres?)/h|m/s|ms|s|min|h|kg/ha|点|秒|分|時間|行程"
+)
+_INSIDE_FIGURE: Final = re.compile(rf"(?<=\d) (?=±)|(?<=±) (?=\d)|(?<=\d) (?=(?:{_UNITS_OF_FIGURES})(?![A-Za-z0-9/]))")
+"""The spaces of a figure, between value, ± and unit."""
 _FIGURE: Final = re.compile(r'<data class="(area|rate)" value="([^"]*)"(?: data-sigma="([^"]*)")?>[^<]*</data>')
 
 
@@ -50,7 +56,7 @@ def chosen(page: str, language: str) -> str:
 
 
 def in_language(page: str, language: str) -> str:
-    """A page of ours in a language, which it states; its areas that stand in sentences may be marks again.
+    """A page of ours in a language, which it states, its figures with plain spaces; areas in sentences may be marks.
 
     Raises ValueError if there is no such language.
     """
@@ -70,12 +76,18 @@ def in_language(page: str, language: str) -> str:
         text = texts.get(language, texts.get(ENGLISH, piece))
         return _AREA.sub(lambda area: figures.get(area[0], area[0]), text)
 
-    page = map_texts(_META.sub("", page, count=1), shown)
+    page = map_texts(_META.sub("", page, count=1).replace(_NO_BREAK, " "), shown)
     page = re.sub(r'<html lang="[a-z]+">', f'<html lang="{language}">', page, count=1)
     if not kept:
         return page
     content = html.escape(_json(sorted(kept.items())))
     return page.replace("</head>", f'<meta name="{KEPT}" content="{content}">\n</head>', 1)
+
+
+def unbroken(page: str) -> str:
+    """A page whose figures stay on one line: "33.43 ± 0.21 m²", "95 %"."""
+    pieces = _PIECES.split(page)
+    return "".join(piece if k % 2 else _INSIDE_FIGURE.sub(_NO_BREAK, piece) for k, piece in enumerate(pieces))
 
 
 def has_other_languages(page: str) -> bool:

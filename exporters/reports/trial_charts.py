@@ -104,7 +104,7 @@ def _curve_legend(response: Response) -> Iterable[str]:
         (optimum, _GREEN, {"stroke_dasharray": "5 4"}),
     ]
     if any(rival.weight >= MIN_WEIGHT for rival in response.models[1:]):
-        keys.append((Text("rivals"), _RIVAL, {}))
+        keys.append((Text("others"), _RIVAL, {}))
     for at, (words, colour, look) in zip(_KEYS, keys, strict=False):
         yield segment(at, y - 4, at + 18, y - 4, stroke=colour, stroke_width=3, **look)
         yield _text(at + 24, y, words)

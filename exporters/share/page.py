@@ -284,7 +284,7 @@ def _notes(report: dict[str, Any]) -> Iterator[dict[str, str]]:
     if keys := (report.get("accuracy") or {}).get("unconfirmed"):
         yield _said(
             Text(
-                "The accuracy holds if {keys} in the session is right: the recording does not show it.",
+                "The accuracy assumes that {keys} in the session is right: the recording cannot confirm it.",
                 keys=", ".join(keys),
             )
         )

@@ -13,7 +13,7 @@ from furrowmap.exporters.files.result_folder import REPORT_PAGE, open_result, re
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.reports.area_units import in_area_unit
 from furrowmap.exporters.reports.html_pages import write_pdf
-from furrowmap.exporters.reports.page_language import has_other_languages, in_language, language_of
+from furrowmap.exporters.reports.page_language import has_other_languages, in_language, language_of, unbroken
 from furrowmap.exporters.share.field_project import FIELD_PRODUCTS, PROJECT_FILE, write_field_project
 from furrowmap.exporters.share.page import INDEX, PAGE_PRODUCTS, SHARE_REPORT, write_page
 from furrowmap.workflows.share.export import refuse_result
@@ -52,7 +52,7 @@ def write_report_page(
     if shown != language_of(page) and not has_other_languages(page):
         raise InputError("result-unreadable.one-language", source=source, language=shown)
     page = in_language(page, shown)
-    page = in_area_unit(page, area_unit) if area_unit is not None else page
+    page = unbroken(in_area_unit(page, area_unit) if area_unit is not None else page)
     target = Path(out) if out is not None else source.with_suffix(".pdf" if pdf else ".html")
     if pdf:
         write_pdf(target, page)

@@ -21,7 +21,7 @@ from furrowmap.exporters.reports.area_units import (
     rate_words,
     work_rate,
 )
-from furrowmap.exporters.reports.page_language import has_other_languages, in_language, in_page, language_of
+from furrowmap.exporters.reports.page_language import has_other_languages, in_language, in_page, language_of, unbroken
 from tests.exporters.reports.page_texts import texts
 
 
@@ -133,3 +133,29 @@ def test_page__that_a_name_imitates_keeps_its_figures(name: str) -> None:
     page = in_area_unit(in_language(MADE.replace("beside the barn", html.escape(name)), "ja"), "acre")
     assert html.escape(name) in page
     assert language_of(in_language(page, "en")) == "en"
+
+
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [
+        ("33.43 ± 0.21 m² worked", ["33.43 ± 0.21 m²", "worked"]),
+        ("missed (± 95 %)", ["missed", "(± 95 %)"]),
+        ("± 0.29°, ± 0.17°", ["± 0.29°,", "± 0.17°"]),
+        ("4.2 s in 3 passes, 0.21 ha/h", ["4.2 s", "in", "3", "passes,", "0.21 ha/h"]),
+        ("95 %信頼区間、3 行程", ["95 %信頼区間、3 行程"]),
+        ("2 mm of 3 metres", ["2 mm", "of", "3", "metres"]),
+    ],
+)
+def test_figures__stay_on_one_line(text: str, lines: list[str]) -> None:
+    """A line may break at plain spaces, not within a figure; tags keep theirs."""
+    page = unbroken(f'<p class="a ± 1 m">{text}</p>')
+    assert page.startswith('<p class="a ± 1 m">')
+    said = re.sub("<[^>]*>", "", page)
+    assert said.replace("\u00a0", " ") == text
+    assert [part.replace("\u00a0", " ") for part in said.split(" ")] == lines
+
+
+def test_page__with_unbroken_figures_is_translated_and_back() -> None:
+    japanese = in_language(unbroken(PAGE), "ja")
+    assert japanese == in_language(PAGE, "ja")
+    assert in_language(unbroken(japanese), "en") == PAGE

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from furrowmap.core.crops.dose_columns import column_words
 from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.response_values import Estimate, FittedModel, Response
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.crops.response_words import MODEL_WORDS
+from furrowmap.core.runtime.languages.texts import LANGUAGES, Text
 from furrowmap.exporters.reports.page_language import chosen
 from furrowmap.exporters.reports.trial_charts import (
     GROUP_COLOURS,
