@@ -94,7 +94,6 @@ def _optimum(x: Axis, optimum: Estimate, highest: float) -> Iterable[str]:
 
 def _curve_legend(response: Response) -> Iterable[str]:
     """What lines, band and dashes are, below the axis."""
-    y = CHART_HEIGHT - 12.0
     optimum = Text(
         "economic optimum, 95 %" if response.economic is not None else "dose beyond which nothing is gained, 95 %"
     )
@@ -105,7 +104,8 @@ def _curve_legend(response: Response) -> Iterable[str]:
     ]
     if any(rival.weight >= MIN_WEIGHT for rival in response.models[1:]):
         keys.append((Text("others"), _RIVAL, {}))
-    for at, (words, colour, look) in zip(_KEYS, keys, strict=False):
+    for (at, above), (words, colour, look) in zip(_KEYS, keys, strict=False):
+        y = CHART_HEIGHT - above
         yield segment(at, y - 4, at + 18, y - 4, stroke=colour, stroke_width=3, **look)
         yield _text(at + 24, y, words)
 
