@@ -22,7 +22,12 @@ _M_TRIM_THRESHOLD: Final = -1
 _M_MMAP_THRESHOLD: Final = -3
 _M_ARENA_MAX: Final = -8
 """Parameters of mallopt(3)."""
-_NOT_FOR_US: Final = {"pyogrio": ("geopandas", "pandas", "pyarrow"), "rasterio": ("boto3",)}
+_NOT_FOR_US: Final = {
+    "laspy.copc": ("requests",),
+    "numba.misc.coverage_support": ("coverage",),
+    "pyogrio": ("geopandas", "pandas", "pyarrow"),
+    "rasterio": ("boto3",),
+}
 """What libraries import wherever it is installed, for functions of theirs that furrowmap does not call."""
 
 

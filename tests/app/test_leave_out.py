@@ -14,8 +14,8 @@ try:
     main()
 except SystemExit as ended:
     assert not ended.code, ended.code
-import pyogrio, rasterio
-print(sorted({"boto3", "geopandas", "pandas", "pyarrow"}.intersection(sys.modules)))
+import laspy, numba, pyogrio, rasterio
+print(sorted({"boto3", "geopandas", "pandas", "pyarrow", "requests"}.intersection(sys.modules)))
 import geopandas  # of an export of tables
 print(len(geopandas.GeoDataFrame({"a": [1]})))
 """
