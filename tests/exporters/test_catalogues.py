@@ -46,7 +46,7 @@ def of_styles() -> Iterator[str]:
 
 def in_source() -> set[str]:
     """Every text that the source has, whether or not it is shown."""
-    constants = (node.value for _, tree in sources() for node in ast.walk(tree) if isinstance(node, ast.Constant))
+    constants = (node.value for _, found in sources() for node in found if isinstance(node, ast.Constant))
     found = {text for text in constants if isinstance(text, str)}
     found |= {*strings(labels._LABELS), *of_styles()}
     found |= {text for template in NAMES for text, _ in texts(template)}
