@@ -107,14 +107,26 @@ def test_promise_23__what_could_run_foreign_code_is_only_where_it_is_listed() ->
 
 
 READS = {
-    "rasterio.open", "laspy.open", "laspy.read", "laspy.CopcReader.open", "csv.reader", "csv.DictReader", "open",
-    "io.open", "os.open", "mmap.mmap", "np.loadtxt", "np.genfromtxt", "np.fromfile", "np.memmap", "Image.open",
-    "zipfile.ZipFile", "gzip.open", "lzma.open", "sqlite3.connect", "cv2.imread", "cv2.VideoCapture",
-    "read_dataframe", "tomllib.load", "json.load", "Source", "open_plain", "read_plain_text", "read_plain_bytes",
-    "read_own", "read_small",
+    "rasterio.open", "rasterio.io.MemoryFile", "rasterio.MemoryFile", "laspy.open", "laspy.read",
+    "laspy.CopcReader.open", "laspy.LasReader", "csv.reader", "csv.DictReader", "open", "io.open", "io.FileIO",
+    "os.open", "os.fdopen", "os.read", "mmap.mmap", "numpy.load", "numpy.loadtxt", "numpy.genfromtxt",
+    "numpy.fromfile", "numpy.memmap", "numpy.DataSource", "numpy.lib.format.open_memmap", "PIL.Image.open",
+    "Image.open", "PIL.TiffImagePlugin.TiffImageFile", "zipfile.ZipFile", "zipfile.Path", "tarfile.open",
+    "gzip.open", "gzip.GzipFile", "bz2.open", "bz2.BZ2File", "lzma.open", "lzma.LZMAFile", "zstd.open",
+    "zstd.ZstdFile", "sqlite3.connect", "cv2.imread", "cv2.VideoCapture", "cv2.FileStorage", "tomllib.load",
+    "json.load", "configparser.ConfigParser", "fileinput.input", "linecache.getlines", "codecs.open",
+    "wave.open", "plistlib.load", "shutil.copyfile", "shutil.copy", "shutil.copy2", "shutil.copytree",
+    "shutil.copyfileobj", "shutil.unpack_archive", "pandas.read_csv", "pandas.read_excel",
+    "pandas.read_parquet", "geopandas.read_file", "fiona.open", "h5py.File", "netCDF4.Dataset",
+    "python_calamine.CalamineWorkbook.from_path", "python_calamine.load_workbook", "openpyxl.load_workbook",
+    "read_dataframe", "Source", "open_plain", "read_plain_text", "read_plain_bytes", "read_own",
+    "read_small",
 }  # fmt: skip
-"""Open a file to be read, as do the methods below."""
-READING_METHODS = {"open", "read_text", "read_bytes", "read_info", "list_layers"}
+"""Open a file to be read, under whatever name they are imported, as do the methods below."""
+READING_METHODS = {
+    "open", "open_text", "open_binary", "read_text", "read_bytes", "read_info", "read_bounds", "list_layers",
+    "read_dataframe", "read_arrow", "from_path", "fromfile", "extractall",
+}  # fmt: skip
 DOORS = {
     "core/readers/csv_file.py": "logs in CSV", "core/readers/csv_text.py": "rows of a CSV",
     "core/readers/text_table.py": "tables: text, spreadsheets, archives of a layer",
@@ -169,18 +181,40 @@ NO_INPUTS = {
     "exporters/files/result_folder.py": "results", "exporters/files/staging.py": "its own notes",
     "exporters/rasters/web_images.py": "memory", "exporters/rasters/relief.py": "the cloud of a result",
     "exporters/reports/html_pages.py": "templates of the package", "exporters/share/page.py": "files of the package",
-    "exporters/vectors/geopackage.py": "layers of results",
+    "exporters/share/field_project.py": "layers of a result",
+    "exporters/share/shown_layers.py": "a list of the package", "exporters/vectors/geopackage.py": "layers of results",
     "exporters/vectors/labels.py": "a list of the package",
 }  # fmt: skip
 """Files that open what no user gives as an input."""
 
 
+def imported_names(syntax: Iterable[ast.AST]) -> dict[str, str]:
+    """The full name of each name that a file imports, such as `numpy` of `np`."""
+    found: dict[str, str] = {}
+    for node in syntax:
+        if isinstance(node, ast.Import):
+            found |= {alias.asname: alias.name for alias in node.names if alias.asname}
+        elif isinstance(node, ast.ImportFrom) and not node.level and node.module:
+            own = node.module.startswith("furrowmap")
+            found |= {
+                alias.asname or alias.name: alias.name if own else f"{node.module}.{alias.name}" for alias in node.names
+            }
+    return found
+
+
+OWN_NAMES = {"backports.zstd": "zstd", "compression.zstd": "zstd"}
+
+
 def reads(syntax: Iterable[ast.AST]) -> Iterator[str]:
     """The calls in a file that open another to read it."""
-    for node in syntax:
+    whole = list(syntax)
+    full = imported_names(whole)
+    for node in whole:
         if not isinstance(node, ast.Call):
             continue
-        called = ast.unparse(node.func)
+        first, dot, rest = ast.unparse(node.func).partition(".")
+        name = full.get(first, first)
+        called = f"{OWN_NAMES.get(name, name)}{dot}{rest}"
         modes = [argument.value for argument in node.args if isinstance(argument, ast.Constant)]
         if any(isinstance(mode, str) and len(mode) < 4 and set(mode) & set("wxa") for mode in modes):
             continue
@@ -208,7 +242,11 @@ def test_files_of_users__are_opened_in_the_doors_alone() -> None:
 
 
 def test_gdal_laspy_and_csv__are_called_in_the_doors_or_on_own_products() -> None:
-    libraries = {"rasterio.open", "csv.reader", "csv.DictReader", "np.loadtxt", "Image.open", ".read_info"}
+    libraries = {
+        "rasterio.open", "csv.reader", "csv.DictReader", "numpy.loadtxt", "numpy.load", "numpy.fromfile",
+        "PIL.Image.open", "Image.open", "tomllib.load", "json.load", "cv2.VideoCapture",
+        "cv2.imread", "zipfile.ZipFile", ".read_info", ".list_layers", ".from_path",
+    }  # fmt: skip
     found = {file for file, calls in reads_of_product().items() if libraries & calls}
     assert found <= DOORS.keys()
     clouds = {file for file, calls in reads_of_product().items() if any(call.startswith("laspy.") for call in calls)}
@@ -224,6 +262,15 @@ def test_gdal_laspy_and_csv__are_called_in_the_doors_or_on_own_products() -> Non
         ("open(path)", "open"),
         ("Source(path)", "Source"),
         ("pyogrio.read_info(path)", ".read_info"),
+        ("import numpy as n; n.fromfile(path)", "numpy.fromfile"),
+        ("from numpy import load; load(path)", "numpy.load"),
+        ("from zipfile import ZipFile as Z; Z(path)", "zipfile.ZipFile"),
+        ("from PIL import Image; Image.open(path)", "PIL.Image.open"),
+        ("from rasterio.io import MemoryFile; MemoryFile(data)", "rasterio.io.MemoryFile"),
+        ("from backports import zstd; zstd.open(path)", "zstd.open"),
+        ("import json; json.load(file)", "json.load"),
+        ("import shutil; shutil.copyfile(path, other)", "shutil.copyfile"),
+        ("archive.extractall(folder)", ".extractall"),
     ],
 )
 def test_reads__finds_what_it_is_for(text: str, call: str) -> None:
