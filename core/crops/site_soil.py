@@ -88,11 +88,16 @@ def sample_surroundings(surroundings: Sequence[SoilCells], least: int) -> list[S
 
 @dataclass(frozen=True)
 class SoilRaster:
-    """An open raster of heights; `change` is from the map to its CRS, None where they agree."""
+    """An open raster of heights; `change` is from the map to its CRS, None where they agree.
+
+    Attributes:
+        notices: of the cloud that it was made of.
+    """
 
     path: Path
     raster: HeightRaster
     change: CrsChange | None
+    notices: tuple[Notice, ...] = ()
 
     def heights_m(self, xy_m: FloatArray, side_m: float) -> FloatArray:
         """Mean heights (n,) of the squares of a side around positions (n, 2) on the map.
@@ -208,7 +213,8 @@ def align_survey(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[st
         chance = around.covariance.cell_m / math.sqrt(float(known.sum()))
         level = filled(height.reshape(nodes.shape)) + offset.height_m
         patches[parcel.id] = nodes.patch(level, math.hypot(offset.sigma_m, chance))
-    return SurveyedSoil(raster.path.name, patches, around, offset_m, sigma_m, raster.raster.scale.notices)
+    notices = (*raster.notices, *raster.raster.scale.notices)
+    return SurveyedSoil(raster.path.name, patches, around, offset_m, sigma_m, notices)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from furrowmap.core.readers.isoxml.content import MAIN
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.progress import Progress, silent
 
@@ -50,5 +51,17 @@ def name_from(root: Path, path: Path) -> str:
 
 
 def files_in(folder: Path) -> list[Path]:
-    """The files in a folder, by name."""
-    return sorted(path for path in folder.iterdir() if path.is_file())
+    """The files in a folder, by name, and in those of its subfolders that have task data."""
+    found = sorted(path for path in folder.iterdir() if path.is_file())
+    for below in sorted(path for path in folder.iterdir() if path.is_dir()):
+        inside = sorted(path for path in below.iterdir() if path.is_file())
+        found += inside if any(path.name.upper() == MAIN for path in inside) else []
+    return found
+
+
+def joint_record(path: Path, records: Sequence[FileRecord]) -> FileRecord:
+    """That of a file; for a folder one of all its files, whose digest is that of their digests in a row."""
+    if len(records) == 1:
+        return records[0]
+    digests = "".join(record.sha256 for record in records).encode()
+    return FileRecord(path.name, sum(record.bytes for record in records), hashlib.sha256(digests).hexdigest())

@@ -25,7 +25,7 @@ from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.exporters.files.file_records import FileRecord, file_records
+from furrowmap.exporters.files.file_records import FileRecord, file_records, joint_record
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CANOPY,
@@ -89,7 +89,8 @@ def canopy(
         box = (west - GROUND_REACH_M, south - GROUND_REACH_M, east + GROUND_REACH_M, north + GROUND_REACH_M)
     elif box is None:
         box, far = near_box(opened, progress)
-    records = [*input_records(opened, progress), *(file_records([file], file.parent) if file is not None else [])]
+    plots = file_records([file], file.parent) if file is not None else []
+    records = [*input_records(opened, progress), *plots]
     with staged_folder(folder) as staging:
         pixel_m = settings.pixel_m or min(cell_for(opened, box, settings.classes, progress), MAX_PIXEL_M)
         with PointSpool(pixel_m, folder=staging) as points, PointSpool(pixel_m, folder=staging) as ground:
@@ -103,7 +104,7 @@ def canopy(
         for notice in (notices := [*opened.notices, *far, *spooled.notices]):
             warn(notice)
         content = {
-            "polygons_file": records[-1] if file is not None else None,
+            "polygons_file": joint_record(file, plots) if file is not None else None,
             "crs": name_of(opened.crs),
             "parameters": {
                 "ground": method,

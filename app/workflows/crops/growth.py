@@ -20,7 +20,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.csv_cells import write_workbook
-from furrowmap.exporters.files.file_records import file_records
+from furrowmap.exporters.files.file_records import file_records, joint_record
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     GROWTH,
@@ -83,7 +83,8 @@ def growth(
         days = list(by_day)
         cells, changes = align_flights(days, flights)
         grown = measure_growth(days, flights, cells, changes, progress)
-        records = [*input_records(opened, progress), *file_records([file], file.parent)]
+        plots = file_records([file], file.parent)
+        records = [*input_records(opened, progress), *plots]
         origin = Origin("Crop growth", inputs=[(record.name, record.sha256) for record in records])
         layer = growth_layer(grown, days)
         write_styled_layers(staging / GROWTH, [layer], opened.crs, origin)
@@ -93,7 +94,7 @@ def growth(
             warn(notice)
         alignments = [None, *(change.plain() for change in changes)]
         content = {
-            "parcels_file": records[-1],
+            "parcels_file": joint_record(file, plots),
             "crs": name_of(opened.crs),
             "parameters": {"net_inset_m": list(settings.net_inset_m)},
             "flights": [

@@ -44,9 +44,9 @@ from furrowmap.core.runtime.languages.texts import LANGUAGES, joined
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
-from furrowmap.core.values.crs import name_of
+from furrowmap.core.values.crs import full_name_of, name_of
 from furrowmap.core.values.parcel import SOIL_METHODS, Parcel, SoilMethod
-from furrowmap.exporters.files.file_records import file_records
+from furrowmap.exporters.files.file_records import file_records, joint_record
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CROP_HEIGHT,
@@ -113,15 +113,16 @@ def parcels(
     with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, around_m, decided) as points:
         expect_soil(soil_file(settings.soil), opened.crs, points.box_m)
         notices, span_s = collect_points(opened, file, points, settings.classes, progress)
-        others = [path for path in (soil_file(settings.soil), file) if path is not None]
-        records = [*input_records(opened, progress), *(file_records([path], path.parent)[0] for path in others)]
+        soil = soil_file(settings.soil)
+        plots = file_records([file], file.parent)
+        records = [*input_records(opened, progress), *(file_records([soil], soil.parent) if soil else []), *plots]
         origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
         written = write_parcels(staging, points, settings, opened.crs, origin, progress)
         layer = parcel_layer(written.found)
         write_styled_layers(staging / PARCELS, [layer], opened.crs, origin)
         for notice in (notices := [*opened.notices, *notices, *written.notices]):
             warn(notice)
-        content = {"parcels_file": records[-1], "crs": name_of(opened.crs), **written.account}
+        content = {"parcels_file": joint_record(file, plots), "crs": name_of(opened.crs), **written.account}
         return write_account(staging, PARCELS_REPORT, opened, records, content, notices)
 
 
@@ -336,10 +337,18 @@ def soil_source(
             survey = open_clouds([path], target, horizontal_part(target), without_option=True)
             raster = _grid_cloud(survey, Path(made), box_m, progress)
             with open_soil_raster(raster, target, box_m) as opened:
-                yield replace(opened, path=path)
+                yield replace(opened, path=path, notices=_soil_notices(survey))
     else:
         with open_soil_raster(path, target, box_m) as opened:
             yield opened
+
+
+def _soil_notices(survey: Clouds) -> tuple[Notice, ...]:
+    """Those of a cloud of soil, and that one without a CRS is taken to be in that of the parcels' cloud."""
+    (file,) = survey.files
+    if file.crs is not None:
+        return survey.notices
+    return (*survey.notices, Notice("crs-of-local.none", path=file.path.name, stated=full_name_of(survey.crs)))
 
 
 def _grid_cloud(clouds: Clouds, folder: Path, box_m: Box, progress: Progress) -> Path:
