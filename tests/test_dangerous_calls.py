@@ -181,8 +181,7 @@ NO_INPUTS = {
     "exporters/files/result_folder.py": "results", "exporters/files/staging.py": "its own notes",
     "exporters/rasters/web_images.py": "memory", "exporters/rasters/relief.py": "the cloud of a result",
     "exporters/reports/html_pages.py": "templates of the package", "exporters/share/page.py": "files of the package",
-    "exporters/share/field_project.py": "layers of a result",
-    "exporters/share/shown_layers.py": "a list of the package", "exporters/vectors/geopackage.py": "layers of results",
+    "exporters/share/field_project.py": "layers of a result", "exporters/vectors/geopackage.py": "layers of results",
     "exporters/vectors/labels.py": "a list of the package",
 }  # fmt: skip
 """Files that open what no user gives as an input."""
