@@ -41,8 +41,8 @@ def init(
 ) -> None:
     """Examine each RECORDING (LiDAR, GNSS, IMU, trajectory) and write a commented session file.
 
-    RECORDINGs may include a table of images, the parcels of a trial and their treatments. The command also looks for
-    these in the folder of the recordings.
+    RECORDINGs may include a table of images, the parcels of a trial and their treatments, and the boundary of the
+    field. The command also looks for these in the folder of the recordings.
 
     It lists what the recordings do not contain, such as the mounting of the sensors. Enter these values where the file
     has comments for them.

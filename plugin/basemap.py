@@ -19,6 +19,7 @@ from qgis.PyQt.QtCore import QCoreApplication, QEvent, QObject, Qt
 from qgis.PyQt.QtWidgets import QLabel
 
 from .map_service import ServiceLayer
+from .own_layers import mark, may_go
 from .platforms import resolved
 
 tr = partial(QCoreApplication.translate, "BaseMap")
@@ -61,10 +62,11 @@ def base_maps() -> tuple[BaseMap, ...]:
 def show_base_map(layer: QgsMapLayer | None, key: str, project: QgsProject | None = None) -> None:
     """Put a base map (None for none) below all layers, in place of the one before; `key` names it in the project."""
     project = QgsProject.instance() if project is None else project
-    for old in base_map_layers(project):
+    for old in filter(may_go, base_map_layers(project)):
         project.removeMapLayer(old.id())
     if layer is not None:
         layer.setCustomProperty(BASE_MAP_PROPERTY, key)
+        mark(layer, "basemap")
         project.addMapLayer(layer, addToLegend=False)
         project.layerTreeRoot().addLayer(layer).setExpanded(False)  # the last is the lowest
 
@@ -157,8 +159,8 @@ def service_layer(offered: ServiceLayer, attribution: str = "") -> QgsRasterLaye
 
 def _tile_layer(url: str, zmax: int, name: str) -> QgsRasterLayer:
     layer = QgsRasterLayer(f"type=xyz&url={quote(url, safe='')}&zmin=0&zmax={zmax}", name, "wms")
-    for mark in ("{z}", "{x}", "{y}", "{-y}", "{q}"):  # the tile of the whole earth
-        url = url.replace(mark, "0")
+    for place in ("{z}", "{x}", "{y}", "{-y}", "{q}"):  # the tile of the whole earth
+        url = url.replace(place, "0")
     layer.setCustomProperty(PROBE_PROPERTY, "" if url.startswith("file:") else url)
     return layer
 

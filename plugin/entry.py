@@ -39,7 +39,7 @@ class FurrowmapPlugin:
         from .dock.dock import FurrowmapDock
         from .dock.dropped import ResultsDropHandler
         from .locator import PassLocator
-        from .options_page import OptionsFactory
+        from .options_page import OptionsFactory, OptionsPage
 
         self.initProcessing()
         self.dock = FurrowmapDock(self.iface)
@@ -50,12 +50,13 @@ class FurrowmapPlugin:
         self.dock.setToggleVisibilityAction(self.action)
         self.iface.pluginMenu().addAction(self.action)  # a submenu would stay after unloading
         self.iface.addToolBarIcon(self.action)
-        self.drops = ResultsDropHandler(self.dock.open_folder)
+        self.drops = ResultsDropHandler(self.dock.open_paths)
         self.iface.registerCustomDropHandler(self.drops)
         self.locator = PassLocator(self.iface)
         self.iface.registerLocatorFilter(self.locator)
         self.attribution = AttributionLabel(self.iface.mapCanvas())
         self.options = OptionsFactory()
+        OptionsPage.is_working = self.dock.is_working
         self.iface.registerOptionsWidgetFactory(self.options)
 
     def unload(self) -> None:
@@ -63,6 +64,7 @@ class FurrowmapPlugin:
         if self.dock is not None:
             self.iface.unregisterOptionsWidgetFactory(self.options)
             self.options.end()
+            self.options.forget_dock()
             self.attribution.remove()
             self.iface.deregisterLocatorFilter(self.locator)
             self.iface.unregisterCustomDropHandler(self.drops)

@@ -12,8 +12,12 @@ from typing import Any
 from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
+from .dock_words import in_dock_words
+
 tr = partial(QCoreApplication.translate, "Figures")
 
+ON_PAPER = "#b71c1c"
+"""Red of findings on white."""
 MOST = 1e15
 """No figure is larger."""
 
@@ -58,18 +62,18 @@ def figures_html(report: dict[str, Any]) -> str:
     )
 
 
-def verdict_html(report: dict[str, Any]) -> str:
+def verdict_html(report: dict[str, Any], colour: str = ON_PAPER) -> str:
     """What stands above the figures: contradictions and doubts, each cause with what follows from it."""
     verdict = object_in(report, "verdict")
     found = verdict.get("findings")
     if isinstance(found, list):
-        return "".join(_finding_html(finding) for finding in found if isinstance(finding, dict))
+        return "".join(_finding_html(finding, colour) for finding in found if isinstance(finding, dict))
     text = localized(verdict, "text")
     doubts = localized(verdict, "doubts")
     shown = "".join(f"<p>⚠ {escape(str(doubt))}</p>" for doubt in (doubts if isinstance(doubts, list) else []))
     if not text:
         return shown
-    return f"<p style='color:#b71c1c'><b>{escape(str(text))}</b></p>{shown}"
+    return f"<p style='color:{colour}'><b>{escape(str(text))}</b></p>{shown}"
 
 
 def texts_above(report: dict[str, Any]) -> set[str]:
@@ -82,20 +86,26 @@ def texts_above(report: dict[str, Any]) -> set[str]:
     }
 
 
-def _finding_html(finding: dict[str, Any]) -> str:
+def _finding_html(finding: dict[str, Any], colour: str) -> str:
     follows = finding.get("follows")
     items = "".join(
         f"<li>{escape(str(localized(one, 'text')))}</li>"
         for one in (follows if isinstance(follows, list) else [])
         if isinstance(one, dict)
     )
-    cause = f"<p style='color:#b71c1c'><b>⚠ {escape(str(localized(finding, 'text')))}</b></p>"
+    cause = f"<p style='color:{colour}'><b>⚠ {escape(str(localized(finding, 'text')))}</b></p>"
     return f"{cause}<p>{tr('This explains:')}</p><ul style='margin-left:-20px'>{items}</ul>" if items else cause
 
 
 def localized(table: dict[str, Any], key: str) -> Any:
-    """A text of a report in the language of QGIS if the report has it, as `text_ja` beside `text`."""
-    return table.get(f"{key}_{(QgsApplication.locale() or '')[:2]}") or table.get(key)
+    """A text of a report, or a list of texts, in the language of QGIS if the report has it, as `text_ja` beside `text`.
+
+    In the words of the dialogs.
+    """
+    found = table.get(f"{key}_{(QgsApplication.locale() or '')[:2]}") or table.get(key)
+    if isinstance(found, list):
+        return [in_dock_words(each) if isinstance(each, str) else each for each in found]
+    return in_dock_words(found) if isinstance(found, str) else found
 
 
 def local_start(figures: dict[str, Any]) -> tuple[QDateTime, str]:

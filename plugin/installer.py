@@ -39,6 +39,17 @@ _ASKED = (
     f"print({OLDEST_PYTHON} <= sys.version_info[:2] <= {NEWEST_PYTHON})"
 )
 _OFFLINE = re.compile("NewConnectionError|NameResolutionError|ConnectTimeout|ProxyError|SSLError|Retrying")
+_REQUIREMENTS = """
+import importlib.metadata, sys
+for line in importlib.metadata.requires("furrowmap") or ():
+    name, _, condition = line.partition(";")
+    if f"extra == '{sys.argv[1]}'" in condition.replace('"', "'"):
+        print(name.strip())
+"""
+COPY = "source"
+"""Folder in the environment for the copy of a checkout, while it is installed."""
+NOT_COPIED = (".*", "__pycache__", "*.egg-info", "build", "dist", "node_modules", "site")
+"""Of a checkout from which furrowmap is installed."""
 OnLine = Callable[[str], None]
 IsCancelled = Callable[[], bool]
 
@@ -77,10 +88,13 @@ def create_environment(source: str, on_line: OnLine, is_cancelled: IsCancelled) 
         offline = ["--no-index", "--find-links", str(wheels)] if wheels else []
         locked = ["--require-hashes", "--only-binary=:all:", "--requirement", str(LOCKED)]
         run_program([*install, *offline, *locked], on_line, is_cancelled)
-        run_program([*install, "--no-index", "--no-deps", "--no-build-isolation", str(package)], on_line, is_cancelled)
+        copy = _without_traces(package, building)
+        run_program([*install, "--no-index", "--no-deps", "--no-build-isolation", str(copy)], on_line, is_cancelled)
+        shutil.rmtree(building / COPY, ignore_errors=True)
         run_program([*pip, "check"], on_line, is_cancelled)
         versions = check(command_of(building), on_line, is_cancelled)
         _replace(folder, building)
+        on_line(tr("Compiling: this takes some minutes, once."))
         with suppress(ProgramError):  # what is missing is compiled when it is first needed
             run_program([*command_of(folder), "warm-up"], on_line, is_cancelled)
     except (ProgramError, WorkerError, OSError) as error:
@@ -136,6 +150,43 @@ def _reason(error: Exception, wheels: Path | None) -> tuple[str, str]:
         return tr("There is no wheel of {package} for this computer and this Python.").format(package=missing[1]), log
     errors = [line[len("ERROR:") :].strip() for line in lines if line.startswith("ERROR:")]
     return tr("Installing failed: {reason}").format(reason=(errors or lines[-1:] or [""])[0]), log
+
+
+def _without_traces(package: Path, building: Path) -> Path:
+    """A wheel, or a copy of a checkout: pip leaves files where it builds."""
+    if package.is_file():
+        return package
+    shutil.copytree(package, building / COPY, ignore=shutil.ignore_patterns(*NOT_COPIED))
+    return building / COPY
+
+
+def install_extra(program: Sequence[str], extra: str, on_line: OnLine, is_cancelled: IsCancelled) -> list[str]:
+    """Install the packages of an extra of furrowmap beside the furrowmap that a program starts; their requirements.
+
+    Raises InstallError if that is not possible, ProgramError if the user cancelled it.
+    """
+    first = Path(program[0])
+    python = first if first.stem.lower().startswith("python") else first.with_name("python" + first.suffix)
+    if not python.is_file():
+        raise InstallError(
+            tr("{program} has no Python beside it.").format(program=program[0]),
+            tr("Install the packages in the way in which furrowmap was installed."),
+        )
+    try:
+        asked = run_program([str(python), "-I", "-c", _REQUIREMENTS, extra], lambda _line: None, is_cancelled)
+        requirements = [line.strip() for line in asked.splitlines() if line.strip()]
+        pip = [str(python), "-I", "-m", "pip", "install", "--no-input", "--disable-pip-version-check"]
+        run_program([*pip, *requirements], on_line, is_cancelled)
+    except ProgramError as error:
+        if error.cancelled:
+            raise
+        raise InstallError(*_reason(error, None)) from error
+    return requirements
+
+
+def size_of(folder: Path) -> int:
+    """Bytes of the files below a folder."""
+    return sum(path.lstat().st_size for path in folder.rglob("*") if not path.is_dir())
 
 
 def remove_environment() -> None:

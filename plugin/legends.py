@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from qgis.core import (
+    QgsColorRampLegendNodeSettings,
     QgsColorRampShader,
     QgsLayerTreeLayer,
     QgsMapLayerLegendUtils,
@@ -13,6 +14,8 @@ from qgis.core import (
     QgsSingleBandPseudoColorRenderer,
 )
 from qgis.PyQt.QtCore import QCoreApplication
+
+from .own_layers import key_of
 
 LABELS = json.loads(Path(__file__).with_name("legends.json").read_text(encoding="utf-8"))
 """Names in the layer panel and labels of raster bands, by the names of layers; what both are where no tool worked;
@@ -22,39 +25,41 @@ CHANGE_OF_DATES = re.compile(r"change_(\d+)_(\d+)")
 """Name of the change between two dates of a field."""
 
 
-def name_node(node: QgsLayerTreeLayer, *, worked: bool = True) -> None:
-    """Show a layer under its title in the layer panel; `worked` tells whether a tool worked the ground."""
-    label = LABELS["layers"].get(node.layer().name())
-    dates = CHANGE_OF_DATES.fullmatch(node.layer().name())
+def title_of(key: str, *, worked: bool = True) -> str:
+    """The name of a product's layer, by its key; `worked` tells whether a tool worked the ground.
+
+    What has no title keeps its key.
+    """
+    label = LABELS["layers"].get(key)
+    dates = CHANGE_OF_DATES.fullmatch(key)
     if label:
-        node.setUseLayerName(False)
         label = label if worked else LABELS["without_work"].get(label, label)
-        node.setName(QCoreApplication.translate("Legends", label))
-    elif dates:
-        node.setUseLayerName(False)
+        return QCoreApplication.translate("Legends", label)
+    if dates:
         words = QCoreApplication.translate("Legends", "Change from date {earlier} to date {later}")
-        node.setName(words.format(earlier=int(dates[1]), later=int(dates[2])))
-
-
-def shown_name(layer: str) -> str:
-    """The title of a product's layer in the panel and in legends; other layers keep their names."""
-    return QCoreApplication.translate("Legends", LABELS["layers"][layer]) if layer in LABELS["layers"] else layer
+        return words.format(earlier=int(dates[1]), later=int(dates[2]))
+    return key
 
 
 def translate_colours(layer: QgsRasterLayer) -> None:
-    """Translate the labels of a raster's colours."""
+    """Translate the labels of a raster's colours; a continuous legend has those of its ends, with their unit.
+
+    Without labels of its own QGIS writes the raster's numbers there, which may be in another unit than the title.
+    """
     renderer = layer.renderer()
-    if isinstance(renderer, QgsSingleBandPseudoColorRenderer):
-        ramp = renderer.shader().rasterShaderFunction()
-        items = ramp.colorRampItemList()
-        ramp.setColorRampItemList(
-            [
-                QgsColorRampShader.ColorRampItem(
-                    item.value, item.color, QCoreApplication.translate("Legends", item.label)
-                )
-                for item in items
-            ]
-        )
+    if not isinstance(renderer, QgsSingleBandPseudoColorRenderer):
+        return
+    ramp = renderer.shader().rasterShaderFunction()
+    items = [
+        QgsColorRampShader.ColorRampItem(item.value, item.color, QCoreApplication.translate("Legends", item.label))
+        for item in ramp.colorRampItemList()
+    ]
+    ramp.setColorRampItemList(items)
+    if items and ramp.colorRampType() == QgsColorRampShader.Type.Interpolated:
+        ends = QgsColorRampLegendNodeSettings(ramp.legendSettings())
+        ends.setMinimumLabel(items[0].label)
+        ends.setMaximumLabel(items[-1].label)
+        ramp.setLegendSettings(ends)
 
 
 def label_band(node: QgsLayerTreeLayer, *, worked: bool = True) -> None:
@@ -62,7 +67,7 @@ def label_band(node: QgsLayerTreeLayer, *, worked: bool = True) -> None:
 
     Call this before the layer panel shows the node, since that builds the legend at once.
     """
-    label = LABELS["bands"].get(node.layer().name())
+    label = LABELS["bands"].get(key_of(node.layer()))
     if label:
         label = label if worked else LABELS["without_work"].get(label, label)
         QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, QCoreApplication.translate("Legends", label))

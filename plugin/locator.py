@@ -19,6 +19,7 @@ from qgis.core import (
 from qgis.gui import QgisInterface
 from qgis.PyQt.QtCore import QCoreApplication
 
+from .own_layers import nodes_by_key
 from .results import groups_of
 
 tr = partial(QCoreApplication.translate, "PassLocator")
@@ -55,10 +56,9 @@ class PassLocator(QgsLocatorFilter):
         if _typed_number(string) is None:
             return []
         for group in groups_of(QgsProject.instance()):
-            for node in group.findLayers():
-                layer = node.layer()
-                if layer is not None and layer.name() == "passes" and layer.fields().indexOf("pass") >= 0:
-                    self._known += _passes(group.name(), layer)
+            node = nodes_by_key(group).get("passes")
+            if node is not None and node.layer().fields().indexOf("pass") >= 0:
+                self._known += _passes(group.name(), node.layer())
         return []
 
     def fetchResults(  # noqa: N802

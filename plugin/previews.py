@@ -13,6 +13,7 @@ from qgis.core import Qgis, QgsMapLayer, QgsProject, QgsRasterLayer, QgsVectorLa
 from qgis.PyQt.QtCore import QCoreApplication
 
 from .figures import MOST
+from .own_layers import emptied_group, groups_with, mark, only_own, take_out
 from .products import read_object
 from .styles import load_style_of_language, show_as_surface
 
@@ -32,27 +33,23 @@ def open_preview(folder: str | Path, project: QgsProject | None = None) -> list[
     layers = [layer for layer in _read_layers(Path(folder)) if layer.isValid()]
     if not layers:
         return []
-    if all(layer.customProperty("furrowmap/basemap") for layer in project.mapLayers().values()):
+    if only_own(project):
         project.setCrs(layers[0].crs())
-    remove_previews(project, account)
     name = (account.get("session") or {}).get("name") or Path(folder).name
-    group = project.layerTreeRoot().insertGroup(0, tr("Preview: {name}").format(name=name))
-    group.setCustomProperty(PREVIEW_PROPERTY, session_key(account))
-    for layer in layers:
+    title = tr("Preview: {name}").format(name=name)
+    group, place = emptied_group(project, PREVIEW_PROPERTY, session_key(account) or str(folder), title)
+    for number, layer in enumerate(layers):
         project.addMapLayer(layer, addToLegend=False)
-        group.addLayer(layer).setExpanded(False)
+        node = group.insertLayer(place + number, layer)
+        node.setExpanded(False)
     return layers
 
 
 def remove_previews(project: QgsProject, account: dict[str, Any]) -> None:
     """Remove the previews of a session, of which `account` is the `preview.json` or `report.json`, from a project."""
-    root = project.layerTreeRoot()
     key = session_key(account)
-    if not key:
-        return
-    for group in [group for group in root.findGroups() if group.customProperty(PREVIEW_PROPERTY) == key]:
-        project.removeMapLayers(group.findLayerIds())
-        root.removeChildNode(group)
+    for group in groups_with(project, PREVIEW_PROPERTY, key) if key else []:
+        take_out(project, group)
 
 
 def session_key(account: dict[str, Any]) -> str:
@@ -91,6 +88,7 @@ def preview_text(account: dict[str, Any]) -> str:
 def _read_layers(folder: Path) -> Iterator[QgsMapLayer]:
     track = QgsVectorLayer(f"{folder / TRACK_FILE}|layername=trajectory", tr("trajectory"), "ogr")
     if track.isValid():
+        mark(track, Path(TRACK_FILE).stem)
         track.loadDefaultStyle()
         load_style_of_language(track)
         track.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
@@ -98,5 +96,6 @@ def _read_layers(folder: Path) -> Iterator[QgsMapLayer]:
     if (folder / SURFACE_FILE).is_file():
         surface = QgsRasterLayer(str(folder / SURFACE_FILE), tr("coarse surface"), "gdal")
         if surface.isValid():
+            mark(surface, Path(SURFACE_FILE).stem)
             show_as_surface(surface, styled=True)
         yield surface

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from qgis.core import QgsApplication
+from qgis.PyQt import sip
 from qgis.PyQt.QtCore import QIODevice, QProcess, QProcessEnvironment
 
 from .platforms import own_prefix, worker_environment
@@ -38,28 +39,35 @@ def run_program(words: Sequence[str], on_line: Callable[[str], None], is_cancell
     """
     process = QProcess()
     process.setProcessEnvironment(process_environment())
+    try:
+        return _answer_of(process, words, on_line, is_cancelled)
+    finally:
+        if process.state() != QProcess.ProcessState.NotRunning:
+            process.kill()
+            process.waitForFinished(2000)
+        sip.delete(process)  # in this thread: what an error refers to may be collected in another one, and crash QGIS
+
+
+def _answer_of(
+    process: QProcess, words: Sequence[str], on_line: Callable[[str], None], is_cancelled: Callable[[], bool]
+) -> str:
     process.start(words[0], list(words[1:]), QIODevice.OpenModeFlag.ReadOnly)
     if not process.waitForStarted(10_000):
         raise ProgramError(f"{words[0]}: {process.errorString()}")
     process.closeWriteChannel()  # a program that asks a question gets the end of its input
     answer = ""
     lines = []
-    try:
-        running = True
-        while running:
-            running = not process.waitForFinished(100) and process.state() != QProcess.ProcessState.NotRunning
-            errors = bytes(process.readAllStandardError()).decode("utf-8", "replace")
-            output = bytes(process.readAllStandardOutput()).decode("utf-8", "replace")
-            answer += output
-            for line in (errors + output).splitlines():
-                lines.append(line)
-                on_line(line)
-            if is_cancelled():
-                raise ProgramError(words[0], cancelled=True)
-    finally:
-        if process.state() != QProcess.ProcessState.NotRunning:
-            process.kill()
-            process.waitForFinished(2000)
+    running = True
+    while running:
+        running = not process.waitForFinished(100) and process.state() != QProcess.ProcessState.NotRunning
+        errors = bytes(process.readAllStandardError()).decode("utf-8", "replace")
+        output = bytes(process.readAllStandardOutput()).decode("utf-8", "replace")
+        answer += output
+        for line in (errors + output).splitlines():
+            lines.append(line)
+            on_line(line)
+        if is_cancelled():
+            raise ProgramError(words[0], cancelled=True)
     if process.exitStatus() != QProcess.ExitStatus.NormalExit or process.exitCode() != 0:
         last = next((line.strip() for line in reversed(lines) if line.strip()), "")
         raise ProgramError(last or f"{words[0]}: {process.exitCode()}", lines)

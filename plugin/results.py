@@ -13,7 +13,9 @@ from qgis.core import (
     QgsDateTimeRange,
     QgsLayerTreeGroup,
     QgsLayerTreeLayer,
+    QgsLayerTreeModel,
     QgsMapLayer,
+    QgsMapThemeCollection,
     QgsPointCloudLayer,
     QgsProject,
     QgsProviderRegistry,
@@ -22,11 +24,30 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
-from .legends import label_band, name_node, translate_colours
-from .previews import remove_previews
+from .legends import label_band, title_of, translate_colours
+from .own_layers import (
+    THEMES_PROPERTY,
+    emptied_group,
+    folder_of_layers,
+    groups_with,
+    hide_others,
+    key_of,
+    mark,
+    nodes_by_key,
+    only_own,
+)
+from .previews import PREVIEW_PROPERTY, remove_previews
 from .processing.loading import FARM_LAYERS, sources
 from .products import product, read_object
-from .styles import fill_worked, load_style_of_language, set_terrain, show_as_change, show_as_surface, show_by_class
+from .styles import (
+    fill_worked,
+    load_style_of_language,
+    set_terrain,
+    show_as_change,
+    show_as_surface,
+    show_by_class,
+    show_classes,
+)
 
 tr = partial(QCoreApplication.translate, "Results")
 
@@ -60,6 +81,17 @@ FOLDER_PROPERTY = "furrowmap/folder"
 """Property of a group in the layer tree: the folder of the run whose layers it has."""
 FARM_PROPERTY = "furrowmap/farmMap"
 """Property of a group in the layer tree: the file of the farm map whose layers it has."""
+THEME_PROPERTY = "furrowmap/theme"
+"""Property of a group: the one of :data:`THEMES` that was chosen last."""
+SHOWN_ALONE = (FOLDER_PROPERTY, FARM_PROPERTY, PREVIEW_PROPERTY)
+"""Properties of groups of which one is seen at a time: two drives over each other are not legible."""
+EXPLAINED = {
+    "passes": ("events", "passes"),
+    "crops": ("parcels", "crop_height"),
+    "surface": ("change", "zones"),
+    "quality": ("trajectory", "strip_differences", "swaths"),
+}
+"""Layers of a theme whose colours have to be read from a legend, which is open where the theme shows them."""
 
 
 class NoResultsError(Exception):
@@ -99,74 +131,108 @@ def opening(folder: str | Path, project: QgsProject | None = None) -> Generator[
             )
         )
     report = read_report(folder)
-    if all(layer.customProperty("furrowmap/basemap") for layer in project.mapLayers().values()):
-        project.setCrs(layers[0].crs())  # a project with other layers keeps its own
-    _remove_groups(project, FOLDER_PROPERTY, folder)
+    if only_own(project):
+        project.setCrs(layers[0].crs())  # a project with layers of the user's keeps its own
     remove_previews(project, report)
     yield
-    worked = any(layer.name() in WORKED_LAYERS for layer in layers)
-    group = project.layerTreeRoot().insertGroup(0, session_name(report, folder))
-    group.setCustomProperty(FOLDER_PROPERTY, str(folder))
-    for layer in layers:
+    worked = any(key_of(layer) in WORKED_LAYERS for layer in layers)
+    group, place = emptied_group(project, FOLDER_PROPERTY, str(folder), session_name(report, folder))
+    hide_others(project, group, SHOWN_ALONE)
+    for number, layer in enumerate(layers):
+        layer.setName(title_of(key_of(layer), worked=worked))
         project.addMapLayer(layer, addToLegend=False)
         node = QgsLayerTreeLayer(layer)
         label_band(node, worked=worked)
-        name_node(node, worked=worked)
-        group.addChildNode(node)
+        group.insertChildNode(place + number, node)
         node.setExpanded(False)
         yield
-    show_theme(group, next(iter(themes_of(group))))
+    keep_themes(project, group)
     set_terrain(project, layers)
     set_time_range(project, report)
     for layer in layers:
-        if layer.name() in KNOWN_AT_THE_END:
+        if key_of(layer) in KNOWN_AT_THE_END:
             show_from_end(layer, report)
     return layers
 
 
 def themes_of(group: QgsLayerTreeGroup) -> list[str]:
     """The themes for which a run has layers of their own, the first of them shown at first; at least one."""
-    names = {node.layer().name() for node in group.findLayers()}
-    return [name for name, layers in THEMES.items() if names & set(layers) - set(_ALWAYS)] or ["surface"]
+    keys = set(nodes_by_key(group))
+    return [name for name, layers in THEMES.items() if keys & set(layers) - set(_ALWAYS)] or ["surface"]
 
 
 def show_theme(group: QgsLayerTreeGroup, theme: str) -> None:
-    """Show the layers of one of :data:`THEMES` in a run's group, and hide its others."""
-    for node in group.findLayers():
-        node.setItemVisibilityChecked(node.layer().name() in THEMES[theme])
+    """Show the layers of one of :data:`THEMES` in a run's group, and hide its others; those of the user stay."""
+    group.setCustomProperty(THEME_PROPERTY, theme)
+    group.setItemVisibilityCheckedParentRecursive(True)
+    for key, node in nodes_by_key(group).items():
+        node.setItemVisibilityChecked(key in THEMES[theme])
+        node.setExpanded(key in EXPLAINED.get(theme, ()))
+
+
+def theme_of(group: QgsLayerTreeGroup) -> str:
+    """The theme that was chosen last."""
+    return str(group.customProperty(THEME_PROPERTY) or "")
+
+
+def theme_words() -> dict[str, str]:
+    """The names of the themes in the user's language."""
+    return {
+        "work": tr("Worked ground"),
+        "passes": tr("Passes and events"),
+        "crops": tr("Crops"),
+        "surface": tr("Surface and change"),
+        "quality": tr("Quality of the data"),
+    }
+
+
+def keep_themes(project: QgsProject, group: QgsLayerTreeGroup) -> None:
+    """Store each theme of a run as a map theme of QGIS, and show the first; a theme of the user's is not replaced."""
+    known = project.mapThemeCollection()
+    root = project.layerTreeRoot()
+    names = []
+    for theme in reversed(themes_of(group)):
+        show_theme(group, theme)
+        name = f"{group.name()}: {theme_words()[theme]}"
+        number = 2
+        while known.hasMapTheme(name):
+            name = f"{group.name()}: {theme_words()[theme]} ({number})"
+            number += 1
+        known.insert(name, QgsMapThemeCollection.createThemeFromCurrentState(root, QgsLayerTreeModel(root)))
+        names.append(name)
+    group.setCustomProperty(THEMES_PROPERTY, names)
 
 
 def groups_of(project: QgsProject, folder: Path | None = None) -> list[QgsLayerTreeGroup]:
     """The groups in the layer tree with the layers of a run: of that folder, or of any."""
-    groups = project.layerTreeRoot().findGroups()
-    opened = [(group, group.customProperty(FOLDER_PROPERTY)) for group in groups]
-    return [group for group, of in opened if of and (folder is None or of == str(folder))]
+    return groups_with(project, FOLDER_PROPERTY, None if folder is None else str(folder))
 
 
-def _remove_groups(project: QgsProject, key: str, value: str | Path) -> None:
-    """Remove the groups with this value of a property, and their layers."""
-    root = project.layerTreeRoot()
-    for group in root.findGroups():
-        if group.customProperty(key) == str(value):
-            project.removeMapLayers(group.findLayerIds())
-            root.removeChildNode(group)
+def folder_of(group: QgsLayerTreeGroup) -> Path | None:
+    """The folder of the run whose layers a group has, also where it was moved with its project; None if it is gone."""
+    folder = Path(str(group.customProperty(FOLDER_PROPERTY) or ""))
+    found = folder if folder.is_dir() and folder != Path() else folder_of_layers(group)
+    if found is not None:
+        group.setCustomProperty(FOLDER_PROPERTY, str(found))
+    return found
 
 
 def open_farm_map(path: str | Path) -> list[QgsMapLayer]:
     """Open the layers of a farm map in their styles, as the topmost group; an open group of it is replaced."""
     project = QgsProject.instance()
-    _remove_groups(project, FARM_PROPERTY, path)
-    group = project.layerTreeRoot().insertGroup(0, Path(path).stem)
-    group.setCustomProperty(FARM_PROPERTY, str(path))
-    layers = [QgsVectorLayer(source, name, "ogr") for source, name in sources(path)]
-    for layer in layers:
+    group, place = emptied_group(project, FARM_PROPERTY, str(path), Path(path).stem)
+    hide_others(project, group, SHOWN_ALONE)
+    layers = []
+    for number, (source, key) in enumerate(sources(path)):
+        layer = QgsVectorLayer(source, title_of(key), "ogr")
+        mark(layer, key)
         layer.loadDefaultStyle()
         project.addMapLayer(layer, addToLegend=False)
-        node = QgsLayerTreeLayer(layer)
-        name_node(node)
-        group.addChildNode(node)
-        node.setItemVisibilityChecked(layer.name() in FARM_LAYERS)
+        node = group.insertLayer(place + number, layer)
+        node.setItemVisibilityChecked(key in FARM_LAYERS)
         node.setExpanded(False)
+        layers.append(layer)
+    group.setItemVisibilityChecked(True)
     return layers
 
 
@@ -177,14 +243,17 @@ def field_layers(folder: Path) -> Iterator[QgsVectorLayer]:
     for details in found:
         if details.name() == "layer_styles":
             continue
-        layer = QgsVectorLayer(details.uri(), details.name(), details.providerKey())
+        key = details.name()
+        layer = QgsVectorLayer(details.uri(), key, details.providerKey())
+        mark(layer, key)
         layer.loadDefaultStyle()  # again: a new layer takes the symbols of its style, but not the temporal settings
         load_style_of_language(layer)
-        if layer.name() == "coverage":
+        if key == "coverage":
             fill_worked(layer)
-        if layer.name() in MEASURED_LAYERS:
+        show_classes(layer, key)
+        if key in MEASURED_LAYERS:
             layer.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
-        if layer.name() == "trajectory" and "tool_path" in {other.name() for other in found}:
+        if key == "trajectory" and "tool_path" in {other.name() for other in found}:
             layer.setMinimumScale(TRAJECTORY_MIN_SCALE)
             layer.setScaleBasedVisibility(True)
         yield layer
@@ -197,6 +266,7 @@ def surface_layers(folder: Path) -> Iterator[QgsRasterLayer]:
         if not path.is_file():
             continue
         layer = QgsRasterLayer(str(path), path.stem, "gdal")
+        mark(layer, path.stem)
         if layer.isValid():
             styled = path.with_suffix(".qml").is_file()  # QGIS has loaded that style already
             if path.stem != "orthophoto":
@@ -212,6 +282,7 @@ def cloud_layers(folder: Path) -> Iterator[QgsPointCloudLayer]:
         options = QgsPointCloudLayer.LayerOptions()
         options.skipStatisticsCalculation = True  # colours by class need none
         layer = QgsPointCloudLayer(str(path), "cloud", "copc", options)
+        mark(layer, "cloud")
         if layer.isValid():
             show_by_class(layer)
         yield layer

@@ -35,7 +35,8 @@ from qgis.PyQt.QtGui import QTextDocument
 
 from .basemap import attribution_of
 from .figures import figures_html, local_start, object_in, verdict_html
-from .legends import label_band, shown_name
+from .legends import label_band
+from .own_layers import key_of, nodes_by_key
 
 tr = partial(QCoreApplication.translate, "SessionLayout")
 
@@ -53,11 +54,8 @@ FONT = "font-family: sans-serif; font-size: 8pt"
 TABLE = f'<table style="{FONT}">'
 IS_OVERVIEW = "@atlas_pagename is null or @atlas_pagename = ''"
 """Whether a page shows the whole session."""
-LEGEND_LAYERS = (
-    *("events", "trajectory", "misses", "unworked", "boundary", "overlaps", "coverage", "passes", "change"),
-    *("parcels", "crop_height"),
-)
-"""Layers in the legend."""
+WITHOUT_LEGEND = ("dsm", "dsm_before", "dtm", "orthophoto")
+"""Layers whose colours say nothing: pictures and reliefs."""
 EXTENT_FACTOR = 1.08
 ATLAS_MARGIN = 0.15
 
@@ -74,15 +72,15 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     layout.setName(name)
     root = project.layerTreeRoot()
     visible = {node.layerId() for node in root.findLayers() if node.isVisible()}
-    by_name = {node.layer().name(): node.layer() for node in group.findLayers()}
-    passes = by_name.get("passes")
-    coverage = by_name.get("coverage")
+    by_key = {key: node.layer() for key, node in nodes_by_key(group).items()}
+    passes = by_key.get("passes")
+    coverage = by_key.get("coverage")
     if (
         passes is not None and coverage is not None and coverage.id() in visible
     ):  # a page for each pass shows which it is
         visible = (visible - {coverage.id()}) | {passes.id()}
     shown = [layer for layer in root.layerOrder() if layer.id() in visible]
-    session = [layer for layer in by_name.values() if layer in shown]
+    session = [layer for layer in by_key.values() if layer in shown]
     warned = verdict_html(report)
     warned = warned and f'<div style="{FONT}">{warned}</div>'
     top_mm = TOP_MM + (_height_mm(warned, PAGE_WIDTH_MM) if warned else 0.0)
@@ -96,7 +94,7 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     of_pass = "<tr><td>&nbsp;</td></tr>" * len(_pass_rows(report, several=several))
     figures_mm = max(_height_mm(f"{TABLE}{rows}</table>", SIDE_MM[1]) for rows in (figures_html(report), of_pass))
     _label(layout, _figures(report, passes), (SIDE_MM[0], top_mm, SIDE_MM[1], figures_mm), rich=True)
-    _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND_LAYERS], top_mm + figures_mm)
+    _legend(layout, page_map, [layer for layer in session if key_of(layer) not in WITHOUT_LEGEND], top_mm + figures_mm)
     bar = QgsLayoutItemScaleBar(layout)
     layout.addLayoutItem(bar)
     bar.setId("scale")
@@ -123,10 +121,10 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
 
 def _extent(project: QgsProject, group: QgsLayerTreeGroup) -> QgsRectangle:
     """Extent in the project's CRS of the worked ground, else of the trajectory, else of all layers."""
-    by_name = {node.layer().name(): node.layer() for node in group.findLayers()}
-    for names in (("coverage", "boundary"), ("trajectory",), tuple(by_name)):
+    by_key = {key: node.layer() for key, node in nodes_by_key(group).items()}
+    for names in (("coverage", "boundary"), ("trajectory",), tuple(by_key)):
         box = QgsRectangle()
-        for layer in (by_name[name] for name in names if name in by_name):
+        for layer in (by_key[name] for name in names if name in by_key):
             change = QgsCoordinateTransform(layer.crs(), project.crs(), project)
             if not layer.extent().isNull() and not layer.extent().isEmpty():
                 box.combineExtentWith(change.transformBoundingBox(layer.extent()))
@@ -170,9 +168,8 @@ def _legend(layout: QgsLayout, page_map: QgsLayoutItemMap, layers: Sequence[QgsM
     tree.clear()
     for layer in layers:
         node = tree.addLayer(layer)
-        node.setCustomProperty("legend/title-label", shown_name(layer.name()))
         label_band(node)
-        if layer.name() == "passes" and isinstance(layer.renderer(), QgsCategorizedSymbolRenderer):
+        if key_of(layer) == "passes" and isinstance(layer.renderer(), QgsCategorizedSymbolRenderer):
             for k, category in enumerate(
                 layer.renderer().categories()
             ):  # pages of an atlas would colour all as their pass

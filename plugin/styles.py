@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from qgis.core import (
     QgsApplication,
     QgsColorRampShader,
+    QgsFeatureRequest,
     QgsFillSymbol,
+    QgsGraduatedSymbolRenderer,
     QgsHillshadeRenderer,
     QgsMapLayer,
     QgsPalLayerSettings,
@@ -19,6 +21,7 @@ from qgis.core import (
     QgsRasterDemTerrainProvider,
     QgsRasterLayer,
     QgsRasterShader,
+    QgsRendererRange,
     QgsSingleBandPseudoColorRenderer,
     QgsSingleSymbolRenderer,
     QgsVectorLayer,
@@ -29,6 +32,7 @@ from qgis.PyQt.QtGui import QColor
 from qgis.PyQt.QtXml import QDomDocument
 
 from .legends import LABELS
+from .own_layers import key_of
 
 LIGHT_AZIMUTH_DEG = 315.0
 LIGHT_ALTITUDE_DEG = 40.0
@@ -41,6 +45,10 @@ CHANGES_M = LABELS["changes_m"]
 COUNTS = LABELS["counts"]
 """How often ground was worked: up to a count, its colour and label."""
 NOISE = 7
+CLASSES = 5
+BEYOND = 1e9
+"""No number of a product is larger."""
+UNKNOWN_COLOUR = "#d9d9d9"
 
 
 def show_as_surface(layer: QgsRasterLayer, *, styled: bool = False) -> None:
@@ -89,6 +97,53 @@ def show_as_plots(layer: QgsVectorLayer) -> None:
     layer.setLabelsEnabled(True)
 
 
+def show_classes(layer: QgsVectorLayer, key: str) -> None:
+    """Give a layer that is coloured by a number classes, which its legend shows; the colours on the map stay.
+
+    The style of the product has one symbol, whose colour is computed for each feature: its legend would be one colour.
+    """
+    facts = LABELS["classed"].get(key)
+    if facts is None or not isinstance(layer.renderer(), QgsSingleSymbolRenderer):
+        return
+    field = layer.fields().indexOf(facts["field"])
+    if field < 0:
+        return
+    low, high = facts.get("limits") or (layer.minimumValue(field), layer.maximumValue(field))
+    if not (isinstance(low, (int, float)) and isinstance(high, (int, float)) and low < high):
+        return
+    edges = [low + k * (high - low) / CLASSES for k in range(CLASSES)] + [high]
+    words = [f"{facts['factor'] * edge:.{facts['decimals']}f}" for edge in edges]
+    open_ended = "limits" in facts
+    ranges = []
+    for k in range(CLASSES):
+        symbol = layer.renderer().symbol().clone()
+        symbol.setColor(_between(facts["colours"], (k + 0.5) / CLASSES))
+        label = f"{words[k]} – {words[k + 1]} {facts['unit']}"
+        lower, upper = edges[k], edges[k + 1]
+        if open_ended and k == 0:
+            lower, label = -BEYOND, f"< {words[1]} {facts['unit']}"
+        elif open_ended and k == CLASSES - 1:
+            upper, label = BEYOND, f"> {words[k]} {facts['unit']}"
+        ranges.append(QgsRendererRange(lower, upper, symbol, label))
+    request = QgsFeatureRequest().setFilterExpression(f'"{facts["field"]}" is null').setLimit(1)
+    if next(layer.getFeatures(request), None) is not None:
+        symbol = layer.renderer().symbol().clone()
+        symbol.setColor(QColor(UNKNOWN_COLOUR))
+        words_unknown = QCoreApplication.translate("Legends", "unknown")
+        ranges.append(QgsRendererRange(2 * BEYOND, 2 * BEYOND, symbol, words_unknown))
+    layer.setRenderer(QgsGraduatedSymbolRenderer(f'coalesce("{facts["field"]}", {2 * BEYOND:.0f})', ranges))
+
+
+def _between(colours: Sequence[str], share: float) -> QColor:
+    """The colour at a share of a ramp whose colours lie at even distances."""
+    at = share * (len(colours) - 1)
+    first = min(int(at), len(colours) - 2)
+    one, other = QColor(colours[first]), QColor(colours[first + 1])
+    part = at - first
+    mixed = (a + part * (b - a) for a, b in zip(one.getRgbF()[:3], other.getRgbF()[:3], strict=True))
+    return QColor.fromRgbF(*mixed)
+
+
 def fill_worked(layer: QgsVectorLayer) -> None:
     """Fill all ground worked in one bold colour."""
     look = {"color": WORKED_COLOUR, "outline_color": WORKED_COLOUR, "outline_width": "0.3"}
@@ -99,7 +154,7 @@ def fill_worked(layer: QgsVectorLayer) -> None:
 def load_style_of_language(layer: QgsVectorLayer) -> None:
     """Load the style stored for the language of QGIS, such as "passes (ja)", where the default one is in another."""
     _, numbers, names, _, _ = layer.listStylesInDatabase()
-    wanted = f"{layer.name()} ({(QgsApplication.locale() or '')[:2]})"
+    wanted = f"{key_of(layer) or layer.name()} ({(QgsApplication.locale() or '')[:2]})"
     if wanted in names:
         text, _ = layer.getStyleFromDatabase(numbers[names.index(wanted)])
         document = QDomDocument()
@@ -129,7 +184,7 @@ def show_by_class(layer: QgsPointCloudLayer) -> None:
 
 def set_terrain(project: QgsProject, layers: Sequence[QgsMapLayer]) -> None:
     """Make the session's DSM the terrain of profiles and 3D views, unless the project has a terrain."""
-    surface = next((layer for layer in layers if layer.name() == "dsm"), None)
+    surface = next((layer for layer in layers if key_of(layer) == "dsm"), None)
     properties = project.elevationProperties()
     if surface is None or properties.terrainProvider().type() != "flat":
         return

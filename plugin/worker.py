@@ -13,8 +13,10 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
+from qgis.PyQt import sip
 from qgis.PyQt.QtCore import QCoreApplication, QIODevice, QProcess
 
+from .dock_words import in_dock_words, missing_extra
 from .program import process_environment
 
 tr = partial(QCoreApplication.translate, "Worker")
@@ -36,6 +38,8 @@ class WorkerError(Exception):
     """The command failed: lines for the user, last lines of the worker's log, error code, setting that remedies it."""
 
     setting: dict[str, Any] | None = None
+    extra = ""
+    """The extra of furrowmap that has to be installed."""
 
     def __init__(self, what: str, meaning: str, remedy: str, log: Iterable[str] = (), code: str = "") -> None:
         self.lines = (what, meaning, remedy)
@@ -98,10 +102,10 @@ class _Conversation:
         process.setProcessEnvironment(process_environment())
         process.start(program[0], [*program[1:], "worker"], QIODevice.OpenModeFlag.ReadWrite)
         if not process.waitForStarted(10_000):
+            reason = process.errorString()
+            sip.delete(process)
             raise WorkerError(
-                tr("{program} could not be started: {reason}.").format(
-                    program=program[0], reason=process.errorString()
-                ),
+                tr("{program} could not be started: {reason}.").format(program=program[0], reason=reason),
                 tr("Sessions cannot be run; existing results can still be opened."),
                 tr("Choose or create an environment in Settings › Options › furrowmap."),
             )
@@ -160,9 +164,10 @@ class _Conversation:
             raise WorkerCancelled
         error = self.received.get("error")
         if error is not None:
-            what, meaning, remedy, code = (str(error.get(key, "")) for key in ("what", "meaning", "remedy", "code"))
-            failed = WorkerError(what, meaning, remedy, self.log, code)
+            what, meaning, remedy = (in_dock_words(str(error.get(key, ""))) for key in ("what", "meaning", "remedy"))
+            failed = WorkerError(what, meaning, remedy, self.log, str(error.get("code", "")))
             failed.setting = error.get("set")
+            failed.extra = missing_extra(str(error.get("remedy", "")))
             raise failed
         answer = self.received.get("result", {}).get("value")
         if "done" not in self.received or (self.received["done"].get("status", 1) != 0 and answer is None):
@@ -172,12 +177,12 @@ class _Conversation:
     def end(self) -> None:
         """Make sure that the worker ends: close its input, at which it exits, else terminate it, else kill it."""
         process = self.process
-        if process.state() == QProcess.ProcessState.NotRunning:
-            return
         for stop in (process.closeWriteChannel, process.terminate, process.kill):
+            if process.state() == QProcess.ProcessState.NotRunning:
+                break
             stop()
-            if process.waitForFinished(END_MS):
-                return
+            process.waitForFinished(END_MS)
+        sip.delete(process)  # in this thread: what an error refers to may be collected in another one, and crash QGIS
 
     def _wait(self) -> bool:
         """Read what arrives within a moment; returns whether more may come."""

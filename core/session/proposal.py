@@ -8,12 +8,13 @@ import os
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 from pyproj import Transformer
 
 from furrowmap.core.geodesy.crs_choice import CrsChoice, choose_crs, choose_utm
@@ -30,6 +31,7 @@ from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.session.examination import Examined, time_matches
+from furrowmap.core.session.field_file import FieldFile
 from furrowmap.core.session.flight_mounting import LOOKS, FlownMounting, flight_of
 from furrowmap.core.session.machine_file import stated, toml_value
 from furrowmap.core.session.toml_edit import with_value
@@ -191,6 +193,7 @@ _TRAJECTORY_TABLE: Final = """\
 files = {}
 # time = "utc"   # or "gps", if the file does not state it
 """
+_NOWHERE: Final = np.empty((0, 2))
 _FIELD_COMMENT: Final = """\
 # Field boundary, a vector file.
 # [field]
@@ -250,6 +253,9 @@ def propose_session(
     flight = flight_of(lidar, inertial) if machine is None and not states else None
     flies = flight is not None or (not states and (bool(attitude) or (bool(inertial) and not lidar)))
     machine = machine or Machine()
+    trial = [path for _, path in beside.titled]
+    places_deg = np.concatenate([_NOWHERE, *(b.places_deg for b in beginnings)])
+    of_field = FieldFile.among(beside.files, places_deg, trial, flies=flies)
     sensed = bool(lidar or inertial or attitude)
     text = "\n".join(
         [
@@ -266,7 +272,7 @@ def propose_session(
             *([_implement(states, folder, machine)] if states else [] if flies else [implement_table(machine)]),
             *([_camera(beside.images, folder)] if beside.images is not None else camera_comment(machine)),
             *([_parcels(beside, folder, measured=flies)] if beside.parcels is not None else []),
-            *([] if flies else [_FIELD_COMMENT]),
+            *([_field(of_field.boundary, folder)] if of_field.boundary else [] if flies else [_FIELD_COMMENT]),
         ]
     )
     told = dict.fromkeys(notice for r in ordered for notice in r.inspection.notices)
@@ -278,6 +284,11 @@ def propose_session(
         *([Notice("crs", code=crs.code, crs=crs.name, reason=crs.reason)] if crs is not None else []),
         *(Notice("crs-alternative", other=other) for other in (crs.alternatives if crs is not None else ())),
         *(Notice("recording", name=path.name, title=title) for title, path in beside.titled),
+        *(
+            [Notice("recording", name=of_field.boundary.name, title="boundary of the field")]
+            if of_field.boundary
+            else []
+        ),
         *beside.notices,
     ]
     lacking = {"no-lidar": not (sensed or states), "no-positions": not (gnss or poses), "no-crs": crs is None}
@@ -293,6 +304,7 @@ def propose_session(
             machine, flight, scans=sensed, states=bool(states), poses=bool(poses), inertial=bool(inertial), flies=flies
         ),
         *([Notice("camera-uncalibrated")] if beside.images is not None else []),
+        *of_field.unused,
     ]
     return Proposal(text, tuple(found), tuple(missing))
 
@@ -360,11 +372,15 @@ def _apart(gnss: Sequence[Examined]) -> tuple[list[Examined], list[Examined]]:
 
 @dataclass(frozen=True)
 class _Beginning:
-    """CRS and date of the first position of a recording, or why both are unknown."""
+    """CRS and date of the first position of a recording, or why both are unknown.
+
+    `places_deg` are the longitudes and latitudes (n, 2) of the recording.
+    """
 
     crs: CrsChoice | None = None
     date: str | None = None
     fault: Text | None = None
+    places_deg: NDArray[np.float64] = field(default_factory=_NOWHERE.copy)
 
 
 def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
@@ -398,6 +414,7 @@ def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
     return _Beginning(
         crs=choose_crs(float(lon_deg[known[0]]), float(lat_deg[known[0]])),
         date=iso_utc(float(t_s[0])).partition("T")[0] if near_s is not None else None,
+        places_deg=np.column_stack([lon_deg[known], lat_deg[known]]),
     )
 
 
@@ -559,6 +576,11 @@ def _parcels(beside: TrialFiles, folder: Path, *, measured: bool) -> str:
     count = beside.parcels.parcels
     column = printable(beside.parcels.column)
     return "\n".join([f"# Parcels of a trial: {count} polygons with identifiers in the column {column}.", *lines, ""])
+
+
+def _field(boundary: Path, folder: Path) -> str:
+    """The boundary that was found."""
+    return f"[field]\nboundary = {_quoted(*_inside([boundary], folder))}\n"
 
 
 def _implement(states: Sequence[Examined], folder: Path, machine: Machine) -> str:

@@ -40,12 +40,13 @@ class ParcelFile:
 
 @dataclass(frozen=True)
 class TrialFiles:
-    """The first file of each kind; None where there is none."""
+    """The first file of each kind, None where there is none, and the files among which they were looked for."""
 
     images: ImageTable | None = None
     parcels: ParcelFile | None = None
     treatments: Path | None = None
     notices: tuple[Notice, ...] = ()
+    files: tuple[Path, ...] = ()
 
     @classmethod
     def among(cls, paths: Iterable[Path]) -> "TrialFiles":
@@ -54,6 +55,7 @@ class TrialFiles:
         parcels: ParcelFile | None = None
         treatments: Path | None = None
         notices: list[Notice] = []
+        paths = tuple(paths)
         for path in paths:
             if not path.is_file():  # reading a pipe would wait for ever
                 continue
@@ -62,7 +64,7 @@ class TrialFiles:
             elif path.suffix.lower() in _TABLES:
                 images = images or _images(path, notices)
                 treatments = treatments or (path if _has_treatments(path, notices) else None)
-        return cls(images, parcels, treatments, tuple(dict.fromkeys(notices)))
+        return cls(images, parcels, treatments, tuple(dict.fromkeys(notices)), paths)
 
     @property
     def titled(self) -> list[tuple[str, Path]]:

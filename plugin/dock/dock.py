@@ -4,42 +4,67 @@
 from __future__ import annotations
 
 import html
-import os.path
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from qgis.core import Qgis, QgsApplication, QgsMapLayer, QgsMessageLog, QgsPointCloudLayer, QgsProject, QgsSettings
+from qgis.core import (
+    Qgis,
+    QgsApplication,
+    QgsCoordinateReferenceSystem,
+    QgsCoordinateTransform,
+    QgsMapLayer,
+    QgsMessageLog,
+    QgsPointCloudLayer,
+    QgsProject,
+    QgsSettings,
+)
 from qgis.gui import QgisInterface, QgsDockWidget
 from qgis.PyQt.QtCore import QSize, QTimer, QUrl
 from qgis.PyQt.QtGui import QDesktopServices, QDragEnterEvent, QDropEvent
 from qgis.PyQt.QtWidgets import QAction, QFileDialog, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
+from ..dock_words import extra_words
 from ..interpreter import find_interpreter, is_usable
-from ..options_page import PAGE
+from ..options_page import EXTRA_KEY, PAGE
+from ..own_layers import key_of, nodes_by_key
 from ..platforms import resolved
 from ..previews import open_preview
 from ..products import product
 from ..results import (
     NoResultsError,
+    folder_of,
     groups_of,
     open_farm_map,
     opening,
     read_report,
     session_name,
     show_theme,
+    theme_of,
     themes_of,
 )
 from ..session_layout import session_layout
 from .base_map_chooser import BaseMapChooser
-from .dropped import CLOUDS, DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
+from .dropped import CLOUDS, DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, local_paths, recognise, results_folder
 from .machines import add_machine
 from .pages import BatchPage, ResultPage, RunPage, StartPage
+from .places import choose_folder, common_home, copied, folder_for, free_folder_for, is_writable, session_for
 from .replay import Replay, replay
 from .session_lines import NotSimpleError
 from .session_page import SessionPage
-from .tasks import TASK_END_MS, WITH_RESULT, BatchRunner, CommandTask, Drive, Previewer, RunTask
+from .tasks import (
+    ENDED,
+    TASK_END_MS,
+    WITH_RESULT,
+    BatchRunner,
+    CommandTask,
+    CopyTask,
+    Drive,
+    End,
+    Previewer,
+    RunTask,
+)
 
 NAME = "furrowmap"
 ZOOM_MARGIN = 1.3
@@ -52,6 +77,8 @@ Z_IS_UP = 34100
 """QGIS from which on z points up in 3D views; it was y."""
 OUTPUT_EXISTS = "output-exists"
 """Code of the error that a folder holds the products of another recording, or that a machine of this name is saved."""
+NOT_WRITABLE = ("output-unwritable",)
+"""Codes of errors at writing that another folder remedies."""
 FILE_SUFFIXES = {"gpkg": ".gpkg", "kml": ".kml", "sbet": ".sbet", "tum": ".tum", "poses": ".csv", "glb": ".glb"}
 """Of the formats of which an export is one file; the others are folders."""
 FARM_KEY = "furrowmap/farmMap"
@@ -66,8 +93,11 @@ class FurrowmapDock(QgsDockWidget):
         self.setObjectName("furrowmapDock")
         self.setAcceptDrops(True)
         self._iface = iface
-        self._task: RunTask | CommandTask | None = None
+        self._task: RunTask | CommandTask | CopyTask | None = None
+        self._leave: Callable[[], None] = self.show_start
         self._steps: Any = None
+        self._in_step = False
+        self._to_open: list[Path] = []
         self._player: Replay | None = None
         self._folder = self._session = Path()
         self._from_drives = False
@@ -92,6 +122,10 @@ class FurrowmapDock(QgsDockWidget):
             (self.start.chosen, self.open_paths),
             (self.start.setup_wanted, self.offer_setup),
             (self.start.drives_wanted, self.show_drives),
+            (self.start.run_wanted, self.run_session),
+            (self.start.output_wanted, self._choose_output),
+            (self.start.copy_wanted, self._choose_copy),
+            (self.session.copy_wanted, self._choose_copy),
             (self.session.left, self.go_back),
             (self.session.saved, self._report_saved),
             (self.session.run_wanted, self.run_session),
@@ -116,11 +150,17 @@ class FurrowmapDock(QgsDockWidget):
             (self.drives.left, self.show_start),
         ):
             signal.connect(slot)
-        QgsProject.instance().layersWillBeRemoved["QList<QgsMapLayer*>"].connect(self._stop_drawing)
+        project = QgsProject.instance()
+        project.layersWillBeRemoved["QList<QgsMapLayer*>"].connect(self._stop_drawing)
+        project.aboutToBeCleared.connect(self._stop_opening)
+        project.cleared.connect(self._follow_cleared)
+        project.readProject.connect(self._follow_project)
         self.show_start()
 
     def _stop_drawing(self, layers: Sequence[QgsMapLayer]) -> None:
         """QGIS 3.40 crashes where a point cloud is removed while it is drawn, also by hand or with its project."""
+        if not self._in_step:
+            self._stop_opening()
         if any(isinstance(layer, QgsPointCloudLayer) for layer in layers):
             for canvas in self._iface.mapCanvases():
                 canvas.stopRendering()
@@ -140,12 +180,10 @@ class FurrowmapDock(QgsDockWidget):
     def open_paths(self, paths: Sequence[Path]) -> None:
         """Open results or a session, or create a session from recordings."""
         dropped = recognise(paths)
-        if dropped is None:
+        if dropped is None or self._is_busy():
             return
-        if self._task is not None or self.batch.busy:
-            self.report(self.tr("A task is running. Wait for its end, or cancel it."))
-        elif dropped.kind == RESULTS:
-            self.open_folder(dropped.paths[0])
+        if dropped.kind == RESULTS:
+            self.open_folders([folder for folder in map(results_folder, paths) if folder is not None])
         elif dropped.kind == PREVIEW:
             layers = open_preview(dropped.paths[0])
             if layers:
@@ -185,7 +223,7 @@ class FurrowmapDock(QgsDockWidget):
 
     def begin_session(self, recordings: Sequence[Path], machine: Path | None = None) -> None:
         """Have the worker create a session file from recordings."""
-        if self._program() is None:
+        if self._free_program() is None:
             return
         known = self.session.recordings_beside(recordings) if self._in_form() else None
         if known:
@@ -196,15 +234,52 @@ class FurrowmapDock(QgsDockWidget):
             self.open_session(session, machine)
             self.report(self.tr("Opened the existing session of these recordings."), Qgis.MessageLevel.Info)
             return
+        if not is_writable(session.parent):
+            self._offer_copy(recordings)
+            return
         words = ["init", *map(str, recordings), "-o", str(session)]
         words += ["--machine", str(machine)] if machine is not None else []
-        self._command(self.tr("Inspecting the recordings"), words, self._show_new_session, self._refuse_recordings)
+        refused = partial(self._refuse_recordings, recordings)
+        self._command(self.tr("Inspecting the recordings"), words, self._show_new_session, refused)
 
-    def _refuse_recordings(self, text: str, _code: str) -> None:
+    def _refuse_recordings(self, recordings: Sequence[Path], end: End) -> None:
         """Say on the start page, in full, why recordings make no session."""
-        QgsMessageLog.logMessage(text, NAME, Qgis.MessageLevel.Critical, notifyUser=False)
+        QgsMessageLog.logMessage(end.text, NAME, Qgis.MessageLevel.Critical, notifyUser=False)
+        if end.code in NOT_WRITABLE:  # the folder's attributes did not say so
+            self._offer_copy(recordings)
+            return
         self.show_start()
-        self.start.show_error(text)
+        self.start.show_error(end.text)
+
+    def _offer_copy(self, paths: Sequence[Path]) -> None:
+        """Say that a folder, such as that of a locked card, takes no session, and offer to copy what is in it."""
+        self.show_start()
+        text = self.tr("{folder} is read-only, so that neither a session nor results can be written there.")
+        remedy = self.tr("Copy the recordings to a folder of this computer; they are not changed.")
+        self.start.offer_copy(f"{text.format(folder=common_home(paths))}\n{remedy}", paths)
+
+    def _choose_copy(self, paths: Sequence[Path]) -> None:
+        """Ask for the folder to which recordings are copied."""
+        title = self.tr("Folder for the copy of the recordings, the session and the results")
+        target = QFileDialog.getExistingDirectory(self, title)
+        if target:
+            self.copy_recordings(paths, Path(target))
+
+    def copy_recordings(self, paths: Sequence[Path], target: Path) -> None:
+        """Copy recordings, or the folder of a session, below a folder, and open the copies."""
+        if self._is_busy():
+            return
+
+        def made(copies: list[Path]) -> None:
+            self.show_start()
+            self.open_paths(copies)
+
+        def failed(end: End) -> None:
+            self.show_start()
+            self.start.offer_copy(end.text, paths)
+
+        task = CopyTask(self.tr("Copying the recordings"), partial(copied, paths, target))
+        self._begin(task, self.tr("Copying the recordings"), made, failed, partial(self._offer_copy, paths))
 
     def _complete(self, recordings: Sequence[Path]) -> None:
         """Create the session in the form again, with the recordings that were missing; what was typed is kept."""
@@ -215,7 +290,8 @@ class FurrowmapDock(QgsDockWidget):
             self.session.use_places(places)
 
         words = ["init", *map(str, recordings), "-o", str(self._session), "--overwrite"]
-        self._command(self.tr("Inspecting the recordings"), words, proposed, self._back_with_error)
+        title = self.tr("Inspecting the recordings")
+        self._command(title, words, proposed, self._back_with_error, self._back_to_session)
 
     def _show_new_session(self, answer: dict[str, Any]) -> None:
         self.open_session(Path(answer["session"]), findings=answer)
@@ -223,35 +299,26 @@ class FurrowmapDock(QgsDockWidget):
             self.previewer.begin(answer["session"])
 
     def _command(
-        self, title: str, words: Sequence[str], on_answer: Callable[[Any], None], on_failure: Callable[[str, str], None]
+        self,
+        title: str,
+        words: Sequence[str],
+        on_answer: Callable[[Any], None],
+        on_failure: Callable[[End], None],
+        leave: Callable[[], None] | None = None,
     ) -> None:
-        """Have the worker do a command, with its progress on a page."""
-        program = self._program() if self._task is None else None
+        """Have the worker do a command, with its progress on a page; `leave` shows the page after a cancellation."""
+        program = self._free_program()
         if program is None:
             return
-
-        def ended(call: Callable[..., None], *args: Any) -> None:
-            self._task = None
-            self.run.end()
-            call(*args)
-
-        def stopped() -> None:  # cancelled; a failure has its own signal
-            if self._task is not None and self._task.isCanceled():
-                self._task = None
-
-        self.run.begin(title)
-        self.pages.setCurrentWidget(self.run)
         task = CommandTask(f"furrowmap: {title}", program, words)
-        task.answered.connect(partial(ended, on_answer))
-        task.failed.connect(partial(ended, on_failure))
-        task.taskTerminated.connect(stopped)
-        self._begin(task)
+        task.progressChanged.connect(self.run.show_share)
+        self._begin(task, title, on_answer, on_failure, leave or self.show_start)
 
     # many drives
 
     def begin_batch(self, paths: Sequence[Path], machine: Path | None = None) -> None:
         """Run sessions and folders of recordings one after another."""
-        program = self._program()
+        program = self._free_program()
         if program is None:
             return
         self.previewer.cancel()
@@ -278,6 +345,10 @@ class FurrowmapDock(QgsDockWidget):
             self.show_start()
 
     def _open_drive(self, drive: Drive) -> None:
+        """Open a drive that has ended, also while others run."""
+        if drive.state not in ENDED:
+            self.report(self.tr("This drive has not ended yet."), Qgis.MessageLevel.Info)
+            return
         self._from_drives = True
         if drive.state in WITH_RESULT and drive.folder.is_dir():
             self.start.remember(drive.session)
@@ -285,8 +356,10 @@ class FurrowmapDock(QgsDockWidget):
             return
         if drive.session.is_file():
             self.open_session(drive.session)
-        if drive.text:
-            self.report(drive.text, Qgis.MessageLevel.Critical)
+        if drive.text and self._in_form():
+            self.session.show_error(drive.text, may_replace=False)
+        elif drive.text:
+            self._show_failure(drive.text)
 
     # machines
 
@@ -311,10 +384,13 @@ class FurrowmapDock(QgsDockWidget):
             self._back_with_machine(name, self.tr("Saved the machine {name}.").format(name=name))
 
         words = ["machine", "save", str(session), name, *(["--overwrite"] if overwrite else [])]
-        self._command(self.tr("Saving the machine"), words, saved, partial(self._back_with_error, machine=name))
+        failed = partial(self._back_with_error, machine=name)
+        self._command(self.tr("Saving the machine"), words, saved, failed, self._back_to_session)
 
     def calibrate(self, session: Path, machine: str) -> None:
         """Have the worker find the scanner's angles, and write them into the session and its machine."""
+        if self._free_program() is None:
+            return
         self.previewer.cancel()
         self._session = session
 
@@ -327,35 +403,34 @@ class FurrowmapDock(QgsDockWidget):
             self._back_with_machine(machine, text)
 
         words = ["calibrate", str(session), "--write", *(["--machine", machine] if machine else [])]
-        self._command(self.tr("Calibrating"), words, found, partial(self._back_with_error, machine=machine))
+        failed = partial(self._back_with_error, machine=machine)
+        self._command(self.tr("Calibrating"), words, found, failed, self._back_to_session)
 
     def _back_with_machine(self, machine: str, text: str) -> None:
         self._back_to_session()
         self.session.show_machines(machine)
         self.report(text, Qgis.MessageLevel.Success)
 
-    def _back_with_error(self, text: str, code: str = "", machine: str = "") -> None:
+    def _back_with_error(self, end: End, machine: str = "") -> None:
         self._back_to_session()
         self.session.show_machines(machine)
         if not self._in_form():
-            self.report(text, Qgis.MessageLevel.Critical)
-        elif code == OUTPUT_EXISTS:
-            self.session.show_known_machine(text)
+            self._show_failure(end.text)
+        elif end.code == OUTPUT_EXISTS:
+            self.session.show_known_machine(end.text)
         else:
-            self.session.show_error(text, may_replace=False)
+            self.session.show_error(end.text, may_replace=False)
 
     def _in_form(self) -> bool:
         return self.pages.currentWidget() is self.session
 
     def open_session(self, path: Path, machine: Path | None = None, findings: dict[str, Any] | None = None) -> None:
-        """Show a session in the form, with the places of a profile; one that the form cannot edit is run as it is."""
+        """Show a session in the form, with the places of a profile; offer to run one that the form cannot edit."""
         self.previewer.cancel()
         try:
             self.session.show_session(path, findings)
         except NotSimpleError as error:
-            text = self.tr("The form cannot edit line {number} of {name}. The session is run as it is.")
-            self.report(text.format(number=error.number, name=path.name), Qgis.MessageLevel.Info)
-            self.run_session(path)
+            self._offer_run(path, error.number)
             return
         except (OSError, UnicodeDecodeError) as error:
             self.report(self.tr("{path} cannot be read: {reason}.").format(path=path, reason=error))
@@ -365,50 +440,82 @@ class FurrowmapDock(QgsDockWidget):
         if machine is not None:
             self.session.use_machine(machine)
 
+    def _offer_run(self, path: Path, number: int) -> None:
+        """Say that the form cannot edit a session, and offer to run it, which replaces earlier products."""
+        self.show_start()
+        self.start.remember(path)
+        text = self.tr("The form cannot edit line {number} of {name}.").format(number=number, name=path.name)
+        meaning = self.tr("The session can be run as it is.")
+        if folder_for(path).is_dir():
+            meaning = self.tr("The session can be run as it is. The results in {folder} are then replaced.").format(
+                folder=folder_for(path).name
+            )
+        self.start.offer_run(f"{text}\n{meaning}", path)
+
     def preview_session(self, session: Path) -> None:
         """Preview a session in the background."""
-        if self._program() is not None:
+        if self._free_program() is not None:
             self.start.remember(session)
             self.previewer.begin(session)
 
     def run_session(self, session: Path, folder: Path | None = None, *, overwrite: bool = False) -> None:
         """Run a session in the background, by default to the command line's folder; a running preview is cancelled."""
-        if self._task is not None:
-            self.report(self.tr("The previous task is being cancelled; try again in a moment."), Qgis.MessageLevel.Info)
+        if self._free_program() is None:
             return
-        if self._program() is None:
+        folder = folder or folder_for(session)
+        self._session = session
+        if not is_writable(folder):
+            self._refuse_folder(folder)
             return
         self.previewer.cancel()
-        self._session = session
-        self._folder = folder or folder_for(session)
+        self._folder = folder
         self.start.remember(session)
         name = (self.session.name.text() if self._in_form() else "") or session.parent.name
-        self.run.begin(self.tr("Running {name}").format(name=html.escape(name)))
-        self.pages.setCurrentWidget(self.run)
         parameters = {"SESSION": str(session), "OUTPUT": str(self._folder), "OPEN": False, "OVERWRITE": overwrite}
         task = RunTask(parameters, self.run.show_stage)
         task.feedback.progressChanged.connect(self.run.show_share)
-        task.executed.connect(self._end_run)
-        self._begin(task)
+        title = self.tr("Running {name}").format(name=html.escape(name))
+        self._begin(task, title, self._show_run, self._refuse_run, self._back_to_session)
+
+    def _refuse_folder(self, folder: Path) -> None:
+        """Say that products cannot be written to a folder, and have another one chosen."""
+        text = self.tr("{folder} is read-only, so that the results cannot be written there.").format(folder=folder)
+        if not self._in_form():
+            self._back_to_session()
+        if self._in_form():
+            self.session.ask_for_output(text)
+            return
+        self.show_start()
+        self.start.offer_output(f"{text}\n{self.tr('Choose another folder for the results.')}", self._session)
+
+    def _choose_output(self, session: Path) -> None:
+        """Ask for the folder of a session's products, and run it."""
+        target = QFileDialog.getExistingDirectory(self, self.tr("Folder for the results"))
+        if target:
+            choose_folder(session, target)
+            self.run_session(session)
 
     def cancel(self) -> None:
-        """Cancel the running task; the worker ends a moment later, when it has cleaned up."""
-        if self._task is None:
-            return
-        self._task.cancel()
-        self.run.end()
-        if isinstance(self._task, CommandTask):
-            self.show_start()
-        else:
-            self._back_to_session()
+        """Cancel the running task and leave its page; the worker ends a moment later, when it has cleaned up."""
+        if self._task is not None:
+            self._task.cancel()
+            self.run.end()
+            self._leave()
 
     # results
 
     def open_folder(self, folder: Path) -> None:
         """Open the products in a folder and show their figures."""
-        self._folder = Path(folder)
-        self._steps = opening(self._folder)
-        self._step()
+        self.open_folders([folder])
+
+    def open_folders(self, folders: Sequence[Path]) -> None:
+        """Open the products in folders one after another, and show the figures of the last."""
+        self._to_open += [folder for folder in map(Path, folders) if folder not in self._to_open]
+        if self._steps is None and self._to_open:
+            self._folder = self._to_open.pop(0)
+            self._end_replay()
+            self._steps = opening(self._folder)
+            self._step()
 
     def show_start(self) -> None:
         """Show the start page."""
@@ -426,12 +533,11 @@ class FurrowmapDock(QgsDockWidget):
         self.start.setup.setVisible(not is_usable(find_interpreter()))
 
     def report(self, text: str, level: Qgis.MessageLevel = Qgis.MessageLevel.Warning) -> None:
-        """Show the first and last line of a text in the message bar, and all of it in the log."""
+        """Show a text in the message bar and in the log."""
         QgsMessageLog.logMessage(text, NAME, level, notifyUser=False)
-        first, _, rest = text.partition("\n")
         bar = self._iface.messageBar()
-        message = bar.createMessage(NAME, first if not rest else f"{first} {rest.splitlines()[-1]}")
-        if rest:
+        message = bar.createMessage(NAME, " ".join(text.splitlines()))
+        if "\n" in text:
             log = QPushButton(self.tr("Log"))
             log.clicked.connect(lambda: self._iface.openMessageLog())
             message.layout().addWidget(log)
@@ -439,8 +545,12 @@ class FurrowmapDock(QgsDockWidget):
 
     def end(self) -> None:
         """Cancel tasks and timers, before the plugin is unloaded."""
-        self._steps = None
-        QgsProject.instance().layersWillBeRemoved["QList<QgsMapLayer*>"].disconnect(self._stop_drawing)
+        self._stop_opening()
+        project = QgsProject.instance()
+        project.layersWillBeRemoved["QList<QgsMapLayer*>"].disconnect(self._stop_drawing)
+        project.aboutToBeCleared.disconnect(self._stop_opening)
+        project.cleared.disconnect(self._follow_cleared)
+        project.readProject.disconnect(self._follow_project)
         self._end_replay()
         self.base_map.end()
         self.previewer.end()
@@ -456,9 +566,81 @@ class FurrowmapDock(QgsDockWidget):
 
     # steps of a task
 
-    def _begin(self, task: RunTask | CommandTask) -> None:
+    def _begin(
+        self,
+        task: RunTask | CommandTask | CopyTask,
+        title: str,
+        on_answer: Callable[[Any], None],
+        on_failure: Callable[[End], None],
+        leave: Callable[[], None],
+    ) -> None:
+        """Show the page of a task and begin it; one of the three functions shows the page after its end."""
         self._task = task
+        self._leave = leave
+        self.run.begin(title)
+        self.pages.setCurrentWidget(self.run)
+        task.ended.connect(partial(self._end_task, task, on_answer, on_failure))
         QgsApplication.taskManager().addTask(task)
+
+    def _end_task(
+        self,
+        task: RunTask | CommandTask | CopyTask,
+        on_answer: Callable[[Any], None],
+        on_failure: Callable[[End], None],
+        end: End,
+    ) -> None:
+        """The end of every task: cancelled here, by QGIS's task manager or with QGIS, killed, failed or done."""
+        if task is not self._task:
+            return  # the plugin is being unloaded
+        self._task = None
+        self.run.end()
+        left = self.pages.currentWidget() is not self.run  # cancelled here
+        try:
+            if end.cancelled:
+                self.report(self.tr("Cancelled; no partial files are left."), Qgis.MessageLevel.Info)
+            elif left:
+                self.report(self.tr("The task had ended before it could be cancelled."), Qgis.MessageLevel.Info)
+            elif end.text:
+                on_failure(end)
+                self._offer_extra(end.extra)
+            else:
+                on_answer(end.answer)
+        finally:
+            if self._task is None and self._steps is None and self.pages.currentWidget() is self.run:
+                self._leave()
+
+    def _offer_extra(self, extra: str) -> None:
+        """Offer to install a part of furrowmap that was missing."""
+        if not extra:
+            return
+        QgsSettings().setValue(EXTRA_KEY, extra)
+        text = self.tr("A part of furrowmap is not installed: {part}.")
+        message = self._iface.messageBar().createMessage(NAME, text.format(part=extra_words().get(extra, extra)))
+        install = QPushButton(self.tr("Install…"), objectName="furrowmapInstall")
+        install.clicked.connect(self.offer_setup)
+        message.layout().addWidget(install)
+        self._iface.messageBar().pushWidget(message, Qgis.MessageLevel.Warning, 0)
+
+    def _is_busy(self) -> bool:
+        """Whether a task or a batch runs, so that no other may begin; says so."""
+        if self.batch.busy:
+            text = self.tr("The drives are still running. Wait for their end, or cancel them in their list.")
+        elif self._task is not None and self._task.isCanceled():
+            text = self.tr("The previous task is being cancelled; try again in a moment.")
+        elif self._task is not None:
+            text = self.tr("A task is running. Wait for its end, or cancel it.")
+        else:
+            return False
+        self.report(text, Qgis.MessageLevel.Info)
+        return True
+
+    def is_working(self) -> bool:
+        """Whether a worker runs for the dock."""
+        return self._task is not None or self.batch.busy or self.previewer.busy
+
+    def _free_program(self) -> Sequence[str] | None:
+        """The worker's command; None, with the reason on the screen, if there is none or one is at work."""
+        return None if self._is_busy() else self._program()
 
     def _program(self) -> Sequence[str] | None:
         """The worker's command; None, with the offer to set it up, if there is none."""
@@ -469,29 +651,36 @@ class FurrowmapDock(QgsDockWidget):
         self.report(self.tr("Set up furrowmap's worker to run sessions. Results can be opened without it."))
         return None
 
-    def _show_and_report(self, show: Callable[[], None], text: str, _code: str) -> None:
+    def _show_and_report(self, show: Callable[[], None], end: End) -> None:
+        """Show a page, with why what was begun there failed."""
         show()
-        self.report(text, Qgis.MessageLevel.Critical)
+        self._show_failure(end.text)
 
-    def _end_run(self, successful: bool, results: dict[str, Any]) -> None:
-        task = self._task
-        self._task = None
-        if not isinstance(task, RunTask):
-            return  # the plugin is being unloaded
-        self.run.end()
-        if task.feedback.isCanceled():
-            self.report(self.tr("Cancelled; no partial files are left."), Qgis.MessageLevel.Info)
+    def _show_failure(self, text: str) -> None:
+        """Show an error in full on the page that is shown, else in the message bar, and log it."""
+        page = self.pages.currentWidget()
+        if page not in (self.start, self.result, self.drives):
+            self.report(text, Qgis.MessageLevel.Critical)
             return
-        if successful:
-            self.open_folder(results.get("FOLDER", self._folder))
+        QgsMessageLog.logMessage(text, NAME, Qgis.MessageLevel.Critical, notifyUser=False)
+        page.show_error(text)
+
+    def _show_run(self, outputs: dict[str, Any]) -> None:
+        """Open the products of a run that has ended."""
+        self.open_folder(Path(outputs.get("FOLDER") or self._folder))
+
+    def _refuse_run(self, end: End) -> None:
+        """Say why a run failed: above the form, else on the start page."""
+        if end.code in NOT_WRITABLE:
+            QgsMessageLog.logMessage(end.text, NAME, Qgis.MessageLevel.Critical, notifyUser=False)
+            self._refuse_folder(self._folder)
             return
-        text = task.feedback.error or self.tr("The run failed; see the log.")
         self._back_to_session()
         if self._in_form():
-            self.session.show_error(text, may_replace=task.error_code == OUTPUT_EXISTS)
-            self.session.show_remedy(task.error_setting)
+            self.session.show_error(end.text, may_replace=end.code == OUTPUT_EXISTS)
+            self.session.show_remedy(end.setting)
         else:
-            self.report(text, Qgis.MessageLevel.Critical)
+            self.start.show_error(end.text)
 
     def _back_to_session(self) -> None:
         try:
@@ -507,27 +696,100 @@ class FurrowmapDock(QgsDockWidget):
         """Do one step of opening a folder, and schedule the next."""
         if self._steps is None:
             return
+        self._in_step = True
         try:
-            next(self._steps)
+            try:
+                next(self._steps)
+            finally:
+                self._in_step = False
         except StopIteration as done:
             self._steps = None
             self._show_result(done.value)
         except NoResultsError as error:
             self._steps = None
             self.show_start()
-            self.report(str(error))
+            self.start.show_error(str(error))
+            self.open_folders([])
+        except Exception:
+            self._steps = None
+            self.show_start()
+            raise
         else:
             QTimer.singleShot(1, self._step)  # other events of the window come first
 
     def _show_result(self, layers: Sequence[QgsMapLayer]) -> None:
-        self.result.show_folder(self._folder, from_drives=self._from_drives)
-        self.pages.setCurrentWidget(self.result)
-        self.result.offer_themes(themes_of(groups_of(QgsProject.instance(), self._folder)[0]))
-        names = {layer.name(): layer for layer in layers}
+        self._show_page_of_result()
+        names = {key_of(layer): layer for layer in layers}
         layer = names.get("coverage") or names.get("trajectory") or layers[0]
         if names.get("coverage") and not names["coverage"].featureCount():
             layer = names.get("trajectory", layer)
         self._zoom_to_first([layer], [names[name] for name in ("boundary", "parcels") if name in names])
+        self._offer_crs(layer)
+        self.open_folders([])
+
+    def _offer_crs(self, layer: QgsMapLayer) -> None:
+        """Offer the session's CRS where that of the project, which has layers of the user, is made for another area."""
+        project = QgsProject.instance()
+        area = project.crs().bounds()
+        if project.crs() == layer.crs() or area.isNull() or layer.extent().isEmpty():
+            return
+        to_degrees = QgsCoordinateTransform(layer.crs(), QgsCoordinateReferenceSystem("EPSG:4326"), project)
+        place = to_degrees.transform(layer.extent().center())
+        if area.contains(place):
+            return
+        text = self.tr("The session is outside of the area of the project's CRS, {crs}: shapes are wrong.")
+        bar = self._iface.messageBar()
+        message = bar.createMessage(NAME, text.format(crs=project.crs().authid()))
+        use = QPushButton(self.tr("Use {crs}").format(crs=layer.crs().authid()), objectName="furrowmapUseCrs")
+        crs = layer.crs()
+
+        def change() -> None:
+            project.setCrs(crs)
+            bar.popWidget(message)
+            if project.mapLayer(key) is not None:
+                self._zoom_to_first([project.mapLayer(key)])
+
+        key = layer.id()
+        use.clicked.connect(change)
+        message.layout().addWidget(use)
+        bar.pushWidget(message, Qgis.MessageLevel.Warning, 0)
+
+    def _show_page_of_result(self) -> None:
+        """Show the figures of the result, and the themes of its group on the map."""
+        self.result.show_folder(self._folder, from_drives=self._from_drives)
+        self.pages.setCurrentWidget(self.result)
+        groups = groups_of(QgsProject.instance(), self._folder)
+        self.result.offer_themes(themes_of(groups[0]) if groups else [], theme_of(groups[0]) if groups else "")
+
+    def _stop_opening(self) -> None:
+        """The project or layers of it go while a result is being opened, whose next steps would use them."""
+        steps = self._steps
+        self._steps = None
+        self._to_open = []
+        if steps is not None:
+            steps.close()
+            if self.pages.currentWidget() is self.run:
+                self.show_start()
+
+    def _follow_cleared(self) -> None:
+        """The project was closed: its result is not on the map any more."""
+        if self.pages.currentWidget() is self.result:
+            self.show_start()
+
+    def _follow_project(self, *_: object) -> None:
+        """Show the figures of the result that an opened project shows, unless the user is at something else."""
+        if self._task is not None or self._steps is not None:
+            return
+        if self.pages.currentWidget() not in (self.start, self.result):
+            return
+        groups = groups_of(QgsProject.instance())
+        shown = next((group for group in groups if group.isVisible()), groups[0] if groups else None)
+        folder = folder_of(shown) if shown is not None else None
+        if folder is None:
+            self.show_start()
+            return
+        self._folder = folder
+        self._show_page_of_result()
 
     def _show_theme(self, theme: str) -> None:
         self._end_replay()
@@ -599,10 +861,9 @@ class FurrowmapDock(QgsDockWidget):
 
     def _ground_height_m(self) -> float:
         """Height of the run's first position; 0 where there is none."""
-        layers = [
-            node.layer() for group in groups_of(QgsProject.instance(), self._folder) for node in group.findLayers()
-        ]
-        for pose in next((layer.getFeatures() for layer in layers if layer.name() == "trajectory"), ()):
+        groups = groups_of(QgsProject.instance(), self._folder)
+        node = nodes_by_key(groups[0]).get("trajectory") if groups else None
+        for pose in node.layer().getFeatures() if node is not None else ():
             if not pose.geometry().isNull():
                 return float(pose.geometry().constGet().z())
         return 0.0
@@ -624,7 +885,7 @@ class FurrowmapDock(QgsDockWidget):
             self.report(self.tr("Exported to {path}").format(path=answer["target"]), Qgis.MessageLevel.Success)
 
         words = ["export", str(self._folder), "--to", name, "-o", target, "--overwrite"]
-        self._command(self.tr("Exporting"), words, written, partial(self._show_and_report, show))
+        self._command(self.tr("Exporting"), words, written, partial(self._show_and_report, show), show)
 
     def _choose_share(self, qfield: bool) -> None:
         """Ask for the folder of a page, or of a project for QField."""
@@ -645,7 +906,7 @@ class FurrowmapDock(QgsDockWidget):
                 self._open_file(Path(answer["start"]))
 
         words = ["share", str(self._folder), "-o", target, "--overwrite", *(["--qfield"] if qfield else [])]
-        self._command(self.tr("Exporting"), words, written, partial(self._show_and_report, show))
+        self._command(self.tr("Exporting"), words, written, partial(self._show_and_report, show), show)
 
     def _choose_farm(self, folders: Sequence[Path]) -> None:
         """Ask for the farm map to which results are added: the one used last, another one, or a new one."""
@@ -670,20 +931,21 @@ class FurrowmapDock(QgsDockWidget):
             del waiting[0]
             begin()
 
-        def fail(text: str, _code: str) -> None:
-            failed.append(f"{session_name(read_report(waiting[0]), waiting[0])}: {text}")
+        def fail(end: End) -> None:
+            failed.append(f"{session_name(read_report(waiting[0]), waiting[0])}: {end.text}")
             del waiting[0]
             begin()
 
         def begin() -> None:
             if waiting:
-                self._command(self.tr("Adding to the farm map"), ["farm", "add", str(waiting[0]), path], go_on, fail)
+                words = ["farm", "add", str(waiting[0]), path]
+                self._command(self.tr("Adding to the farm map"), words, go_on, fail, show)
                 return
             show()
             if sessions:
                 self._show_farm(path, sessions)
-            for text in failed:
-                self.report(text, Qgis.MessageLevel.Critical)
+            if failed:
+                self._show_failure("\n".join(failed))
 
         begin()
 
@@ -719,44 +981,3 @@ def _show_algorithm(name: str, parameters: dict[str, Any]) -> None:
     from qgis import processing  # QGIS adds it when its plugin Processing is loaded
 
     processing.createAlgorithmDialog(name, parameters).show()
-
-
-def folder_for(session: Path) -> Path:
-    """The folder for the products of a session, the same as on the command line."""
-    session = resolved(session)
-    return session.parent / f"{session.stem}_result"
-
-
-def free_folder_for(session: Path) -> Path:
-    """The first folder `NAME_result-2`, `NAME_result-3`, … that does not exist."""
-    first = folder_for(session)
-    number = 2
-    while (folder := first.with_name(f"{first.name}-{number}")).exists():
-        number += 1
-    return folder
-
-
-def session_for(recordings: Sequence[Path]) -> Path:
-    """The session file of recordings: the first of `session.toml`, `session-2.toml`, … that names them or is new.
-
-    A folder may have the recordings of many drives.
-    """
-    folders = [str(home_of(path)) for path in recordings]
-    try:
-        folder = Path(os.path.commonpath(folders))
-    except ValueError:  # on different drives; the worker refuses that
-        folder = Path(folders[0])
-    number = 1
-    while True:
-        session = folder / ("session.toml" if number == 1 else f"session-{number}.toml")
-        if not session.exists() or _names_all(session, recordings):
-            return session
-        number += 1
-
-
-def _names_all(session: Path, recordings: Sequence[Path]) -> bool:
-    try:
-        text = session.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return False
-    return all(path.name in text for path in recordings)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,17 +107,17 @@ def local_paths(mime: QMimeData) -> list[Path]:
 class ResultsDropHandler(QgsCustomDropHandler):
     """Opens folders that a run wrote; QGIS handles everything else."""
 
-    def __init__(self, open_folder: Callable[[Path], None]) -> None:
+    def __init__(self, open_paths: Callable[[Sequence[Path]], None]) -> None:
         super().__init__()
-        self._open_folder = open_folder
+        self._open_paths = open_paths
 
     def customUriProviderKey(self) -> str:  # noqa: N802 - the names are QGIS's
         """QGIS asks for it; it is not used."""
         return "furrowmap"
 
     def handleMimeDataV2(self, data: QMimeData) -> bool:  # noqa: N802
-        """Open folders of results; returns whether there was one."""
+        """Open folders of results, or say why not now; returns whether there was one."""
         found = [folder for path in local_paths(data) if path.is_dir() and (folder := results_folder(path))]
-        for folder in found:
-            self._open_folder(folder)
+        if found:
+            self._open_paths(found)
         return bool(found)

@@ -22,6 +22,13 @@ tr = partial(QCoreApplication.translate, "FlightParts")
 IMU_CHOICES = ("consumer", "industrial", "tactical")
 CAMERA_PIXELS = ("width", "height", "fx", "fy", "cx", "cy")
 CAMERA_DISTORTION = ("k1", "k2", "p1", "p2")
+FLIGHT_VALUES = (
+    *((("imu", "files"), ("camera", "table"), ("camera", "files"), ("camera", "model"))),
+    *((("parcels", "file"), ("parcels", "treatments"))),
+    *(("camera", key) for key in (*CAMERA_PIXELS, *CAMERA_DISTORTION)),
+    ("parcels", "net_inset_m"),
+)
+"""Tables and keys that these parts have beside places."""
 MOST_PIXELS = 100_000.0
 LOOKING_DOWN = [180.0, 0.0, -90.0]
 """Roll, pitch, yaw of a camera that looks down, with the top of its images forward."""
@@ -44,6 +51,7 @@ class FlightParts(QWidget):
         self._folder = Path()
         self._flight = False
         self._with_model = False
+        self._filled: dict[Any, Any] = {}
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         for group in (self._imu_group(on_change), self._camera_group(on_change), self._parcels_group()):
@@ -83,6 +91,11 @@ class FlightParts(QWidget):
         fill(self.camera_xyz, places["camera", "xyz_m"])
         fill(self.camera_rpy, places["camera", "rpy_deg"] or (LOOKING_DOWN if self._flight else None))
 
+    def begin(self, lines: SessionLines) -> None:
+        """The session is shown whole: what differs from now on was changed."""
+        self._fill_size()
+        self.keep(lines)
+
     def places(self, lines: SessionLines) -> Places:
         """The places of IMU and camera in the form; None for those that the session does not have."""
         imu = lines.has("imu")
@@ -95,13 +108,36 @@ class FlightParts(QWidget):
             ("camera", "rpy_deg"): values_of(self.camera_rpy) if camera else None,
         }
 
+    def _values(self, lines: SessionLines) -> dict[Any, Any]:
+        """What the groups hold: only a group of which something differs from what was filled in is written."""
+        pixels = values_of([*self.pixels, *self.distortion])
+        parcels = (self.parcels.filePath(), self.treatments.filePath(), values_of(self.net_inset))
+        return {
+            "camera": (self._has_camera(), self.table.filePath(), pixels),
+            "parcels": parcels,
+            **self.places(lines),
+        }
+
+    def keep(self, lines: SessionLines) -> None:
+        """Take what the groups hold for what the session has."""
+        self._filled = self._values(lines)
+
     def save(self, lines: SessionLines) -> None:
-        """Write the groups into a session; zeros that nobody typed are not written."""
+        """Write what was changed in the groups into a session; zeros that nobody typed are not written."""
+        now = self._values(lines)
+        changed = {name for name, value in now.items() if value != self._filled.get(name)}
         for (table, key), value in self.places(lines).items():
+            if (table, key) not in changed and not (table == "camera" and "camera" in changed):
+                continue
             typed = any(value) if isinstance(value, list) else bool(value)
             if typed or (value is not None and lines.get(table, key) is not None):
                 lines.set(table, key, value)
-        self._save_camera(lines)
+        if changed & {"camera", ("camera", "xyz_m"), ("camera", "rpy_deg")}:
+            self._save_camera(lines)
+        if "parcels" in changed:
+            self._save_parcels(lines)
+
+    def _save_parcels(self, lines: SessionLines) -> None:
         parcels = name_within(self._folder, self.parcels.filePath())
         if not parcels:
             lines.drop("parcels")
@@ -111,8 +147,10 @@ class FlightParts(QWidget):
         treatments = name_within(self._folder, self.treatments.filePath())
         if any(inset) or lines.get("parcels", "net_inset_m") is not None:
             lines.set("parcels", "net_inset_m", inset)
-        if treatments or lines.get("parcels", "treatments") is not None:
+        if treatments:
             lines.set("parcels", "treatments", treatments)
+        else:
+            lines.drop_key("parcels", "treatments")
 
     def _save_camera(self, lines: SessionLines) -> None:
         if not self._has_camera():

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from qgis.PyQt.QtCore import QCoreApplication, QSignalBlocker, Qt
+from qgis.PyQt.QtGui import QPalette
 from qgis.PyQt.QtWidgets import (
     QDoubleSpinBox,
     QFormLayout,
@@ -21,6 +22,8 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
+from ..dock_words import in_dock_words
+from ..figures import ON_PAPER
 from ..platforms import resolved
 
 tr = partial(QCoreApplication.translate, "Findings")
@@ -36,6 +39,10 @@ FORM_CODES = (
 """Codes of what the form itself finds missing."""
 FILL_IN = "FILL-IN"
 """What `furrowmap init` writes for required values that are not in the recordings."""
+DARK = 128
+"""A background of less lightness is dark."""
+EXACT = "furrowmapExact"
+"""Property of a box: the value that was filled in, and what the box made of it, which has fewer decimals."""
 UNUSED = "recording-unused"
 """Code of a file or folder that a session does not use."""
 
@@ -105,6 +112,16 @@ def small_text(name: str = "", text: str = "") -> QLabel:
     return label
 
 
+def is_dark(widget: QWidget) -> bool:
+    """Whether QGIS has a dark theme."""
+    return bool(widget.palette().color(QPalette.ColorRole.Window).lightness() < DARK)
+
+
+def warning_colour(widget: QWidget) -> str:
+    """A red that is legible on the widget."""
+    return "#ff8a80" if is_dark(widget) else ON_PAPER
+
+
 def number_box(
     name: str, limit: float, suffix: str, decimals: int, step: float, *, low: float | None = None
 ) -> QDoubleSpinBox:
@@ -147,13 +164,21 @@ def fill(boxes: Sequence[QDoubleSpinBox], values: Any) -> None:
     values = values if isinstance(values, list) and len(values) == len(boxes) else [0.0] * len(boxes)
     for box, value in zip(boxes, values, strict=True):
         blocker = QSignalBlocker(box)
-        box.setValue(float(value) if isinstance(value, (int, float)) else 0.0)
+        exact = value if isinstance(value, (int, float)) else 0.0
+        box.setValue(float(exact))
+        box.setProperty(EXACT, (exact, box.value()))
         del blocker
 
 
 def values_of(boxes: Sequence[QDoubleSpinBox]) -> list[float]:
-    """The values of boxes."""
-    return [round(box.value(), box.decimals()) for box in boxes]
+    """The values of boxes: exactly as they were filled in where nobody has changed them, else as they are shown."""
+    return [value_of(box) for box in boxes]
+
+
+def value_of(box: QDoubleSpinBox) -> float:
+    """The value of a box, as :func:`values_of` has it."""
+    exact, shown = box.property(EXACT) or (None, None)
+    return exact if exact is not None and box.value() == shown else round(box.value(), box.decimals())
 
 
 def same_value(one: Any, other: Any) -> bool:
@@ -199,6 +224,7 @@ def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = (), 
     parts = []
     for title, notices in lists:
         if notices:
-            items = "".join(f"<li>{escape(str(notice.get('text', '')), quote=False)}</li>" for notice in notices)
+            texts = [in_dock_words(str(notice.get("text", ""))) for notice in notices]
+            items = "".join(f"<li>{escape(text, quote=False)}</li>" for text in texts)
             parts.append(f"<b>{title}</b><ul style='margin:2px 0 4px -22px'>{items}</ul>")
     return "".join(parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import html
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -30,14 +30,14 @@ from qgis.PyQt.QtWidgets import (
 from ..figures import figures_html, localized, texts_above, verdict_html
 from ..processing.description import COMMAND_OPTIONS
 from ..products import product
-from ..results import read_report, session_name
-from .form_parts import button, side_by_side, small_text
+from ..results import read_report, session_name, theme_words
+from .form_parts import button, side_by_side, small_text, warning_colour
 from .tasks import CANCELLED, CUT, DONE, DOUBTFUL, ENDED, FAILED, RUNNING, TO_FILL_IN, WAITING, Drive
 
 RECENT_KEY = "furrowmap/recent"
 MAX_RECENT = 10
-MAX_STATE = 200
-"""Characters of a drive's state in its row; its tip has all of them."""
+MOST_ABOVE = 3
+"""Findings above the figures, which a small screen shows besides; further ones follow below."""
 DRIVE_MARKS = {
     WAITING: "·",
     RUNNING: "▸",
@@ -55,11 +55,17 @@ class StartPage(QWidget):
 
     Signals:
         chosen: with a list of paths.
+        run_wanted: with a session file that the form cannot edit, to run it as it is.
+        output_wanted: with such a session file, to choose a folder for its products.
+        copy_wanted: with paths that are to be copied, since their folder is read-only.
     """
 
     chosen = pyqtSignal(object)
     setup_wanted = pyqtSignal()
     drives_wanted = pyqtSignal()
+    run_wanted = pyqtSignal(object)
+    output_wanted = pyqtSignal(object)
+    copy_wanted = pyqtSignal(object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -84,15 +90,17 @@ class StartPage(QWidget):
         here.setAlignment(Qt.AlignmentFlag.AlignCenter)
         here.setMinimumHeight(120)
         here.setStyleSheet("QLabel { border: 2px dashed palette(mid); border-radius: 6px; }")
-        self.error = small_text("furrowmapStartError")
-        self.error.setStyleSheet("QLabel { border: 1px solid #b71c1c; border-radius: 4px; padding: 4px; }")
-        self.error.hide()
+        self.error = error_text("furrowmapStartError")
+        self.remedy = button("furrowmapStartRemedy", "", self._use_remedy)
+        self.remedy.hide()
+        self._remedy: Callable[[], None] | None = None
         self.drives = button("furrowmapDrives", "", self.drives_wanted.emit)
         self.drives.hide()
         for widget in (
             self.setup,
             here,
             self.error,
+            self.remedy,
             button("furrowmapChoose", self.tr("Choose recordings or a session…"), self._choose_files),
             button("furrowmapChooseResults", self.tr("Open the folder of a run…"), self._choose_folder),
             self.drives,
@@ -106,9 +114,30 @@ class StartPage(QWidget):
 
     def show_error(self, text: str) -> None:
         """Show the lines of an error, what was dropped first; "" for none."""
-        what, *rest = [html.escape(line, quote=False) for line in text.splitlines()] or [""]
-        self.error.setText("<br>".join([f"<b>{what}</b>", *rest]))
-        self.error.setVisible(bool(text))
+        show_error(self.error, text)
+        self.remedy.hide()
+
+    def offer_run(self, text: str, session: Path) -> None:
+        """Show why the form does not open a session, with a button that runs it as it is."""
+        self._offer(text, self.tr("Run it as it is"), partial(self.run_wanted.emit, session))
+
+    def offer_output(self, text: str, session: Path) -> None:
+        """Show why a session cannot be run, with a button that chooses another folder for its products."""
+        self._offer(text, self.tr("Choose a folder for the results…"), partial(self.output_wanted.emit, session))
+
+    def offer_copy(self, text: str, paths: Sequence[Path]) -> None:
+        """Show why recordings make no session where they are, with a button that copies them."""
+        self._offer(text, self.tr("Copy to a folder of this computer…"), partial(self.copy_wanted.emit, list(paths)))
+
+    def _offer(self, text: str, words: str, remedy: Callable[[], None]) -> None:
+        self.show_error(text)
+        self._remedy = remedy
+        self.remedy.setText(words)
+        self.remedy.show()
+
+    def _use_remedy(self) -> None:
+        if self._remedy is not None:
+            self._remedy()
 
     def offer_drives(self, count: int) -> None:
         """Offer the way back to a list of so many drives; none for 0."""
@@ -139,6 +168,27 @@ class StartPage(QWidget):
         folder = QFileDialog.getExistingDirectory(self, self.tr("Folder that 'furrowmap run' wrote"))
         if folder:
             self.chosen.emit([Path(folder)])
+
+
+def error_text(name: str) -> QLabel:
+    """A framed text for an error, hidden at first."""
+    label = small_text(name)
+    label.setStyleSheet("QLabel { border: 1px solid #b71c1c; border-radius: 4px; padding: 4px; }")
+    label.hide()
+    return label
+
+
+def show_error(label: QLabel, text: str) -> None:
+    """Show the lines of an error, the first in bold; "" hides the label."""
+    what, *rest = [html.escape(line, quote=False) for line in text.splitlines()] or [""]
+    label.setText("<br>".join([f"<b>{what}</b>", *rest]))
+    label.setVisible(bool(text))
+
+
+def _list_html(texts: Sequence[str]) -> str:
+    """Warnings as a list; nothing for none."""
+    items = "".join(f"<li>{html.escape(text)}</li>" for text in texts)
+    return f"<ul style='margin-left:-20px'>{items}</ul>" if items else ""
 
 
 def recent_sessions() -> list[str]:
@@ -225,6 +275,8 @@ class ResultPage(QWidget):
         layout = QVBoxLayout(self)
         self.text = QTextBrowser(objectName="furrowmapFigures")
         self.text.setFrameShape(QTextBrowser.Shape.NoFrame)
+        self.error = error_text("furrowmapResultError")
+        layout.addWidget(self.error)
         layout.addWidget(self.text, 1)
         self.theme = QComboBox(objectName="furrowmapTheme")
         self.theme.activated.connect(lambda _number: self.theme_wanted.emit(self.theme.currentData()))
@@ -257,6 +309,14 @@ class ResultPage(QWidget):
         grid.addWidget(export, 4, 1)
         layout.addLayout(grid)
 
+    def offer_themes(self, themes: Sequence[str], chosen: str) -> None:
+        """Offer these themes of the map, of which one is shown."""
+        self.theme.clear()
+        for name in themes:
+            self.theme.addItem(theme_words()[name], name)
+        self.theme.setCurrentIndex(max(self.theme.findData(chosen), 0))
+        self.theme.setEnabled(bool(themes))
+
     def _formats(self) -> dict[str, str]:
         """What each format of `furrowmap export` is, and what it is for."""
         return {
@@ -275,18 +335,9 @@ class ResultPage(QWidget):
             "stac": self.tr("STAC: a catalogue of the products"),
         }
 
-    def offer_themes(self, themes: Sequence[str]) -> None:
-        """Offer these themes of the map, of which the first is shown."""
-        words = {
-            "work": self.tr("Worked ground"),
-            "passes": self.tr("Passes and events"),
-            "crops": self.tr("Crops"),
-            "surface": self.tr("Surface and change"),
-            "quality": self.tr("Quality of the data"),
-        }
-        self.theme.clear()
-        for name in themes:
-            self.theme.addItem(words[name], name)
+    def show_error(self, text: str) -> None:
+        """Show why something that was to be done with the result failed, in full; "" for nothing."""
+        show_error(self.error, text)
 
     def show_folder(self, folder: Path, *, from_drives: bool) -> None:
         """Show the figures of the run in a folder, which was opened from the list of drives or otherwise."""
@@ -295,15 +346,21 @@ class ResultPage(QWidget):
             action.setEnabled(action.data() != "glb" or product(folder, "orthophoto.tif").is_file())
         report = read_report(folder)
         name = html.escape(session_name(report, folder))
-        page = f"<h3>{name}</h3>{verdict_html(report)}<table>{figures_html(report)}</table>"
         above = texts_above(report)
         others = [w for w in report.get("warnings") or [] if isinstance(w, dict) and w.get("text") not in above]
-        warnings = [localized(warning, "text") or "" for warning in others]
-        if warnings:
-            items = "".join(f"<li>{html.escape(str(text))}</li>" for text in warnings)
-            page += f"<h4>{self.tr('Warnings')}</h4><ul style='margin-left:-20px'>{items}</ul>"
+        texts = [str(localized(warning, "text") or "") for warning in others]
+        first = texts[: max(0, MOST_ABOVE - len(above))]
+        rest = texts[len(first) :]
+        page = f"<h3>{name}</h3>{verdict_html(report, warning_colour(self))}{_list_html(first)}"
+        if rest and first:
+            more = self.tr("{count} more warnings below the figures").format(count=len(rest))
+            page += f"<p><a href='#warnings'>{more}</a></p>"
+        page += f"<table>{figures_html(report)}</table>"
+        if rest:
+            page += f"<h4><a name='warnings'></a>{self.tr('Warnings')}</h4>{_list_html(rest)}"
         if not report:
             page += f"<p>{self.tr('This folder has no report, so the accuracy is unknown.')}</p>"
+        self.show_error("")
         self.text.setHtml(page)
         self.text.setAlignment(Qt.AlignmentFlag.AlignLeft)
 
@@ -332,7 +389,9 @@ class BatchPage(QWidget):
         self.cancel = button("furrowmapBatchCancel", self.tr("Cancel"), self.cancelled.emit)
         self.farm = button("furrowmapBatchFarm", self.tr("Add what is done to farm map…"), self._add_to_farm)
         self.back = button("furrowmapBatchBack", self.tr("Other session"), self.left.emit)
+        self.error = error_text("furrowmapBatchError")
         for widget in (
+            self.error,
             self.title,
             self.list,
             QLabel(hint, wordWrap=True),
@@ -341,9 +400,14 @@ class BatchPage(QWidget):
         ):
             layout.addWidget(widget)
 
+    def show_error(self, text: str) -> None:
+        """Show why something that was to be done with the drives failed, in full; "" for nothing."""
+        show_error(self.error, text)
+
     def show_drives(self, drives: list[Drive]) -> None:
         """Show these drives."""
         self._drives = drives
+        self.show_error("")
         self.list.clear()
         for number in range(len(drives)):
             self.list.addItem(QListWidgetItem())
@@ -364,8 +428,8 @@ class BatchPage(QWidget):
             CANCELLED: self.tr("cancelled"),
         }
         name = drive.session.parent.name + ("" if drive.session.stem == "session" else f" / {drive.session.stem}")
-        state = f"{words[drive.state]}: {drive.text.splitlines()[0]}" if drive.text else words[drive.state]
-        state = state if len(state) <= MAX_STATE else f"{state[:MAX_STATE]}…"
+        reason = " ".join(drive.text.splitlines())
+        state = f"{words[drive.state]}: {reason}" if reason else words[drive.state]
         item.setText(f"{DRIVE_MARKS[drive.state]} {name}\n    {state}")
         item.setToolTip(drive.text or str(drive.session))
         item.setData(Qt.ItemDataRole.UserRole, number)
@@ -380,5 +444,4 @@ class BatchPage(QWidget):
         self.farm_wanted.emit([drive.folder for drive in self._drives if drive.state == DONE])
 
     def _open(self, item: QListWidgetItem) -> None:
-        if not self.cancel.isEnabled():
-            self.opened.emit(self._drives[item.data(Qt.ItemDataRole.UserRole)])
+        self.opened.emit(self._drives[item.data(Qt.ItemDataRole.UserRole)])

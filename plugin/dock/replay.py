@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from qgis.core import (
@@ -30,6 +31,7 @@ from qgis.PyQt.QtGui import QPainter
 from qgis.PyQt.QtWidgets import QDockWidget, QLabel
 
 from ..figures import local_start, object_in
+from ..own_layers import nodes_by_key
 from ..results import time_span
 from ..styles import fill_worked
 
@@ -41,12 +43,47 @@ CLOUD_FRAMES_PER_S = 2.0
 """With a visible cloud, which takes longer to draw."""
 STRIP_S = 1.0
 """Ground is worked in pieces of so many seconds."""
+CONTROLLER_DOCK = "Temporal Controller"
+"""Object name of QGIS's panel."""
 MAX_STRIPS = 5000
 """Of a long day, in longer pieces."""
 GPS_EPOCH_UNIX_S = 315_964_800.0
 LAS_OFFSET_S = 1e9
 LEAP_S = ((QDate(2017, 1, 1), 18.0), (QDate(2015, 7, 1), 17.0), (QDate(2012, 7, 1), 16.0))
 """First day with so many leap seconds, the latest first."""
+
+
+@dataclass(frozen=True)
+class _ControllerState:
+    """How the user had set the temporal controller, and which of its docks were closed."""
+
+    mode: QgsTemporalNavigationObject.NavigationMode
+    extents: QgsDateTimeRange
+    frame: QgsInterval
+    frames_per_s: float
+    number: int
+    closed: tuple[QDockWidget, ...]
+
+    @classmethod
+    def of(cls, controller: QgsTemporalNavigationObject, docks: Sequence[QDockWidget]) -> _ControllerState:
+        return cls(
+            controller.navigationMode(),
+            controller.temporalExtents(),
+            controller.frameDuration(),
+            controller.framesPerSecond(),
+            controller.currentFrameNumber(),
+            tuple(dock for dock in docks if dock.isHidden()),
+        )
+
+    def restore(self, controller: QgsTemporalNavigationObject, *, by_user: bool) -> None:
+        controller.setTemporalExtents(self.extents)
+        controller.setFrameDuration(self.frame)
+        controller.setFramesPerSecond(self.frames_per_s)
+        if not by_user:
+            controller.setNavigationMode(self.mode)
+        controller.setCurrentFrameNumber(self.number)
+        for dock in self.closed:
+            dock.hide()
 
 
 class Replay(QObject):
@@ -62,6 +99,7 @@ class Replay(QObject):
         controller: QgsTemporalNavigationObject,
         report: dict[str, Any],
         group: QgsLayerTreeGroup,
+        docks: Sequence[QDockWidget] = (),
     ) -> None:
         super().__init__(canvas)
         self._canvas = canvas
@@ -70,8 +108,9 @@ class Replay(QObject):
         self._moment, self._zone = local_start(object_in(report, "figures"))
         self._hidden: list[str] = []
         self._added: list[str] = []
-        shown = {node.layer().name(): node for node in group.findLayers() if node.isVisible()}
-        layers = {node.layer().name(): node.layer() for node in group.findLayers()}
+        nodes = nodes_by_key(group)
+        shown = {key: node for key, node in nodes.items() if node.isVisible()}
+        layers = {key: node.layer() for key, node in nodes.items()}
         clouds = [n.layer() for n in shown.values() if isinstance(n.layer(), QgsPointCloudLayer)]
         self._clouds = [(cloud.id(), cloud.subsetString()) for cloud in clouds]
         start, end = time_span(report) or (QDateTime(), QDateTime())
@@ -79,12 +118,16 @@ class Replay(QObject):
         if "trajectory" in layers:
             strips = worked_strips(layers["trajectory"], tools_of(report), max(STRIP_S, seconds / MAX_STRIPS))
             self._let_grow(shown, strips)
+        self._before = _ControllerState.of(controller, docks)
+        for dock in docks:
+            dock.show()
         self._time = QLabel(canvas, objectName="furrowmapReplayTime")
-        self._time.setStyleSheet("QLabel { background: rgba(255, 255, 255, 215); padding: 3px; font-weight: bold; }")
+        look = "background: rgba(255, 255, 255, 215); color: black; padding: 3px; font-weight: bold;"
+        self._time.setStyleSheet(f"QLabel {{ {look} }}")
         self._time.move(8, 8)
         self._time.show()
         controller.updateTemporalRange.connect(self._show)  # navigationModeChanged crashes PyQt: it lacks the enum
-        QgsProject.instance().aboutToBeCleared.connect(self.end)
+        QgsProject.instance().aboutToBeCleared.connect(self._end_with_project)
         frames_per_s = CLOUD_FRAMES_PER_S if clouds else FRAMES_PER_S
         controller.setNavigationMode(QgsTemporalNavigationObject.NavigationMode.Animated)
         controller.setTemporalExtents(QgsDateTimeRange(start, end))
@@ -93,8 +136,11 @@ class Replay(QObject):
         controller.rewindToStart()
         controller.playForward()
 
-    def end(self) -> None:
-        """Show everything again as it was before."""
+    def _end_with_project(self) -> None:
+        self.end()
+
+    def end(self, *, by_user: bool = False) -> None:
+        """Show everything again as it was before; `by_user`: the user has turned the navigation off, which it stays."""
         if self._ended:
             return
         project = QgsProject.instance()
@@ -102,7 +148,8 @@ class Replay(QObject):
         self._controller.updateTemporalRange.disconnect(self._show)
         self._controller.pause()  # else the next frame comes although the navigation is off
         self._controller.setNavigationMode(QgsTemporalNavigationObject.NavigationMode.NavigationOff)
-        project.aboutToBeCleared.disconnect(self.end)
+        self._before.restore(self._controller, by_user=by_user)
+        project.aboutToBeCleared.disconnect(self._end_with_project)
         for layer_id, own in self._clouds:
             self._filter(layer_id, own)
         project.removeMapLayers([layer_id for layer_id in self._added if project.mapLayer(layer_id)])
@@ -144,7 +191,7 @@ class Replay(QObject):
 
     def _show(self, until: QgsDateTimeRange) -> None:
         if not until.end().isValid():  # the navigation was turned off
-            self.end()
+            self.end(by_user=True)
             return
         moment = until.end().toOffsetFromUtc(self._moment.offsetFromUtc()) if self._moment.isValid() else until.end()
         self._time.setText(f"{moment.toString('yyyy-MM-dd HH:mm:ss')} ({self._zone or 'UTC'})")
@@ -166,10 +213,8 @@ def replay(iface: QgisInterface, report: dict[str, Any], group: QgsLayerTreeGrou
     controller = iface.mapCanvas().temporalController()
     if time_span(report) is None or not isinstance(controller, QgsTemporalNavigationObject):
         return None
-    for dock in iface.mainWindow().findChildren(QDockWidget):
-        if dock.objectName() == "Temporal Controller":
-            dock.show()
-    return Replay(iface.mapCanvas(), controller, report, group)
+    docks = [dock for dock in iface.mainWindow().findChildren(QDockWidget) if dock.objectName() == CONTROLLER_DOCK]
+    return Replay(iface.mapCanvas(), controller, report, group, docks)
 
 
 def tools_of(report: dict[str, Any]) -> list[dict[str, Any]]:

@@ -13,11 +13,11 @@ from typing import Any
 
 from qgis.core import QgsCoordinateReferenceSystem
 from qgis.gui import QgsFileWidget, QgsProjectionSelectionWidget
-from qgis.PyQt.QtCore import Qt, pyqtSignal
+from qgis.PyQt.QtCore import Qt, QTimer, pyqtSignal
 from qgis.PyQt.QtWidgets import QComboBox, QGroupBox, QLabel, QLineEdit, QScrollArea, QVBoxLayout, QWidget
 
 from ..platforms import resolved
-from .flight_parts import FlightParts, is_flight, remedy_words
+from .flight_parts import FLIGHT_VALUES, FlightParts, is_flight, remedy_words
 from .form_parts import (
     FILL_IN,
     MAX_OFFSET_M,
@@ -26,6 +26,7 @@ from .form_parts import (
     fill,
     findings_html,
     group_box,
+    is_dark,
     metre_boxes,
     name_within,
     number_box,
@@ -35,13 +36,21 @@ from .form_parts import (
     small_text,
     texts_of,
     turn_boxes,
+    value_of,
     values_of,
 )
 from .machines import LEARNED_FILE, PLACES, Places, machine_names, machine_path, read_places
+from .places import choose_folder, default_folder, folder_for
 from .session_lines import NotSimpleError, SessionLines
 from .vehicle_view import VehiclePlaces, VehicleView
 
 IMPLEMENT = "implement"
+OF_IMPLEMENT = tuple(place for place in PLACES if place[0] == IMPLEMENT)
+SHOWN = (
+    *((("", "name"), ("crs", "map"), ("recording", "lidar"), ("recording", "gnss"), ("trajectory", "files"))),
+    *((("implement", "states"), ("field", "boundary"), *PLACES, *FLIGHT_VALUES)),
+)
+"""Tables and keys whose values the form has."""
 PLACES_ASKED = ("no-mounting", "no-antenna")
 """Codes of missing places: the form asks before it runs a session without them."""
 
@@ -51,6 +60,7 @@ class SessionPage(QWidget):
 
     Signals:
         run_wanted, preview_wanted, saved: with the saved session file.
+        copy_wanted: with the session's folder, which is read-only, to copy it.
         replace_wanted: with the session file, to run it in place of the products of another recording.
         keep_wanted: with the session file, to run it into a folder of its own.
         machine_wanted: with the saved session file and a name, to save its machine.
@@ -61,6 +71,7 @@ class SessionPage(QWidget):
     run_wanted = pyqtSignal(object)
     preview_wanted = pyqtSignal(object)
     saved = pyqtSignal(object)
+    copy_wanted = pyqtSignal(object)
     left = pyqtSignal()
     replace_wanted = pyqtSignal(object)
     keep_wanted = pyqtSignal(object)
@@ -72,6 +83,7 @@ class SessionPage(QWidget):
         super().__init__()
         self.path = Path()
         self._lines = SessionLines("")
+        self._filled: dict[Any, Any] = {}
         self._found: dict[str, Any] | None = None
         self._files: list[str] = []
         self._remedy: dict[str, Any] | None = None
@@ -94,6 +106,7 @@ class SessionPage(QWidget):
             self.flight_parts,
             self._implement_group(),
             self._field_group(),
+            self._output_group(),
         ):
             layout.addWidget(widget)
         layout.addStretch()
@@ -127,7 +140,13 @@ class SessionPage(QWidget):
 
         Raises NotSimpleError if the form cannot edit the file, OSError or UnicodeDecodeError if it cannot be read.
         """
-        lines = self._lines = SessionLines(path.read_text(encoding="utf-8"))
+        lines = SessionLines(path.read_bytes().decode("utf-8"))
+        for place in SHOWN:
+            lines.get(*place)
+        for table in lines.tables(IMPLEMENT):
+            for key in ("kind", "width_m", "xy_m", "working_depth_m", "name", "learned"):
+                lines.get(table, key)
+        self._lines = lines
         self.path = path
         self._learned = None
         self.name.setText(str(lines.get("", "name") or ""))
@@ -146,12 +165,44 @@ class SessionPage(QWidget):
         self._show_hints()
         self.boundary.setDefaultRoot(str(path.parent))
         self.boundary.setFilePath(str(lines.get("field", "boundary") or ""))
+        chosen = folder_for(path)
+        self.output.setFilePath("" if chosen == default_folder(path) else str(chosen))
+        self.output.lineEdit().setPlaceholderText(str(default_folder(path)))
+        self.output_fault.hide()
+        self._filled = self._values()
+        self.flight_parts.begin(lines)
         self._found = findings
         self.error.hide()
         self.show_preview_status("")
         self.show_machines()
         self._draw()
         self._scroll.verticalScrollBar().setValue(0)
+
+    def _values(self) -> dict[Any, Any]:
+        """What the form holds, by names of values: only those that differ from what was filled in are written."""
+        return {
+            "name": self.name.text(),
+            "crs": self.crs.crs().toWkt(),
+            "boundary": self.boundary.filePath(),
+            **self.places(),
+        }
+
+    def _edited(self, *names: Any) -> bool:
+        """Whether one of the values was changed since the session was read."""
+        now = self._values()
+        return any(now[name] != self._filled.get(name) for name in names)
+
+    def output_folder(self) -> Path:
+        """The folder for the products."""
+        return folder_for(self.path)
+
+    def ask_for_output(self, text: str) -> None:
+        """Show why the products cannot be written to their folder, and have another one chosen."""
+        remedy = self.tr("Choose another folder, then run again.")
+        self.output_fault.setText(f"<b>{escaped(text)}</b><br>{escaped(remedy)}")
+        self.output_fault.show()
+        QTimer.singleShot(0, partial(self._scroll.ensureWidgetVisible, self.output_group))  # once it has its new height
+        self.output.setFocus()
 
     def _change_kind(self, number: int) -> None:
         self.flight = number == 1
@@ -222,9 +273,9 @@ class SessionPage(QWidget):
             ("lidar", "xyz_m"): values_of(self.lidar_xyz),
             ("lidar", "rpy_deg"): values_of(self.lidar_rpy),
             ("implement", "kind"): self.kind.text() if with_tool else None,
-            ("implement", "width_m"): self.width_m.value() if with_tool else None,
+            ("implement", "width_m"): value_of(self.width_m) if with_tool else None,
             ("implement", "xy_m"): values_of(self.implement_xy) if with_tool else None,
-            ("implement", "working_depth_m"): self.depth_m.value() if with_tool else None,
+            ("implement", "working_depth_m"): value_of(self.depth_m) if with_tool else None,
             LEARNED_FILE: self._learned,
             **self.flight_parts.places(self._lines),
         }
@@ -338,7 +389,7 @@ class SessionPage(QWidget):
     def _show_above(self, page: str) -> None:
         """Show rich text above the form, without buttons."""
         self.error_text.setText(page)
-        for part in (self.choice, self.anyway, self.replace_machine):
+        for part in (self.choice, self.anyway, self.replace_machine, self.copy):
             part.hide()
         self.error.show()
         self._scroll.verticalScrollBar().setValue(0)
@@ -369,51 +420,62 @@ class SessionPage(QWidget):
         """Why the session in the form cannot be run; "" if it can."""
         fault = self.fault_of_preview()
         others = [table for table in self._lines.tables(IMPLEMENT) if table != self._tool]
-        widths = [self.width_m.value(), *(self._lines.get(table, "width_m") or 0.0 for table in others)]
+        widths = [value_of(self.width_m), *(self._lines.get(table, "width_m") or 0.0 for table in others)]
         if not fault and self._with_implement() and min(widths) <= 0:
             return self.tr("Enter the width of the implement, or uncheck 'Implement'.")
         return fault
 
     def save(self) -> None:
-        """Write the form into the session file; other lines of the file are kept."""
+        """Write what was changed in the form into the session file; all else in the file is kept byte by byte."""
+        choose_folder(self.path, self.output.filePath())
         lines = self._lines
-        lines.set("", "name", self.name.text())
-        if self.crs.crs().isValid():
+        if self._edited("name"):
+            lines.set("", "name", self.name.text())
+        if self._edited("crs") and self.crs.crs().isValid():
             lines.set("crs", "map", self.crs.crs().authid() or self.crs.crs().toWkt())
         # Zeros that nobody typed are not written: the run takes what is not stated as unknown.
-        if not self.antenna_group.isChecked():
-            lines.drop("antenna")
-        elif self.flight or any(values_of(self.antenna)) or lines.has("antenna"):
-            lines.set("antenna", "xyz_m", values_of(self.antenna))
-        placed = any(values_of(self.lidar_xyz))
-        if placed or lines.get("lidar", "xyz_m") is not None:
-            lines.set("lidar", "xyz_m", values_of(self.lidar_xyz))
-        if placed or any(values_of(self.lidar_rpy)) or lines.get("lidar", "rpy_deg") is not None:
-            lines.set("lidar", "rpy_deg", values_of(self.lidar_rpy))
+        if self._edited(("antenna", "xyz_m")):
+            if not self.antenna_group.isChecked():
+                lines.drop("antenna")
+            elif self.flight or any(values_of(self.antenna)) or lines.has("antenna"):
+                lines.set("antenna", "xyz_m", values_of(self.antenna))
+        if self._edited(("lidar", "xyz_m"), ("lidar", "rpy_deg")):
+            placed = any(values_of(self.lidar_xyz))
+            if placed or lines.get("lidar", "xyz_m") is not None:
+                lines.set("lidar", "xyz_m", values_of(self.lidar_xyz))
+            if placed or any(values_of(self.lidar_rpy)) or lines.get("lidar", "rpy_deg") is not None:
+                lines.set("lidar", "rpy_deg", values_of(self.lidar_rpy))
         self._save_implement(lines)
         self.flight_parts.save(lines)
-        boundary = name_within(self.path.parent, self.boundary.filePath())
-        if boundary:
-            lines.set("field", "boundary", boundary)
-        else:
-            lines.drop("field")
-        unfinished = self.path.with_name(self.path.name + ".unfinished")
-        unfinished.write_text(lines.text, encoding="utf-8")
-        unfinished.replace(self.path)
+        if self._edited("boundary"):
+            boundary = name_within(self.path.parent, self.boundary.filePath())
+            if boundary:
+                lines.set("field", "boundary", boundary)
+            else:
+                lines.drop_key("field", "boundary")
+        written = lines.text.encode("utf-8")
+        if not self.path.is_file() or written != self.path.read_bytes():
+            unfinished = self.path.with_name(self.path.name + ".unfinished")
+            unfinished.write_bytes(written)
+            unfinished.replace(self.path)
+        self.flight_parts.keep(lines)
+        self._filled = self._values()
 
     def _save_implement(self, lines: SessionLines) -> None:
+        if not self._edited(*OF_IMPLEMENT, LEARNED_FILE):
+            return
         if not self._with_implement():
             lines.drop(self._tool)
             self._tool = IMPLEMENT
             if lines.has(IMPLEMENT):  # another one, which is now the first
                 self._show_tool(IMPLEMENT)
             return
-        lines.set(self._tool, "width_m", self.width_m.value())
+        lines.set(self._tool, "width_m", value_of(self.width_m))
         lines.set(self._tool, "xy_m", values_of(self.implement_xy))
         if self.kind.text() or lines.get(self._tool, "kind"):
             lines.set(self._tool, "kind", self.kind.text())
-        if self.depth_m.value() > 0:
-            lines.set(self._tool, "working_depth_m", self.depth_m.value())
+        if value_of(self.depth_m) > 0 or lines.get(self._tool, "working_depth_m") is not None:
+            lines.set(self._tool, "working_depth_m", value_of(self.depth_m))
         if self._learned is not None:
             with suppress(shutil.SameFileError):  # the profile may be beside the session
                 shutil.copyfile(self._learned, self.path.with_name(self._learned.name))
@@ -449,6 +511,7 @@ class SessionPage(QWidget):
         self._tool = table
         of_tool = {place: value for place, value in self._places_in_lines().items() if place[0] == IMPLEMENT}
         self._fill_places({**self.places(), **of_tool})
+        self._filled |= {place: self.places()[place] for place in OF_IMPLEMENT}
         self._show_tools()
         self._draw()
 
@@ -474,7 +537,9 @@ class SessionPage(QWidget):
         self.anyway = button("furrowmapRunAnyway", self.tr("Run without accuracy"), run_anyway)
         replace_machine = partial(self._save_machine, self.machine_replaced)
         self.replace_machine = button("furrowmapReplaceMachine", self.tr("Replace the machine"), replace_machine)
-        self.error = below(self.error_text, self.choice, self.anyway, self.replace_machine)
+        copy_wanted = lambda: self.copy_wanted.emit([self.path.parent])  # noqa: E731
+        self.copy = button("furrowmapCopy", self.tr("Copy to a folder of this computer…"), copy_wanted)
+        self.error = below(self.error_text, self.choice, self.anyway, self.replace_machine, self.copy)
         self.error.setObjectName("furrowmapError")
         self.error.hide()
         return self.error
@@ -578,6 +643,16 @@ class SessionPage(QWidget):
         hint = self.tr("Optional: a polygon in the session's folder, to find missed ground.")
         return group_box(self.tr("Field"), [(self.tr("Boundary"), self.boundary)], hint)
 
+    def _output_group(self) -> QGroupBox:
+        self.output = QgsFileWidget(objectName="furrowmapOutput")
+        self.output.setStorageMode(QgsFileWidget.StorageMode.GetDirectory)
+        self.output_fault = small_text("furrowmapOutputFault")
+        self.output_fault.hide()
+        hint = self.tr("Empty: the folder beside the session that is shown in grey.")
+        rows = [self.output_fault, (self.tr("Folder"), self.output)]
+        self.output_group = group_box(self.tr("Results"), rows, hint)
+        return self.output_group
+
     def _save_and(self, signal: Any, *words: str, fault: str = "") -> None:
         """Save, and emit a signal with the file; show the fault, if there is one, or why the file cannot be written."""
         fault = fault or self._written()
@@ -591,8 +666,11 @@ class SessionPage(QWidget):
         try:
             self.save()
         except OSError as error:
-            text = self.tr("{path} cannot be written: {reason}.")
-            return text.format(path=self.path, reason=error.strerror)
+            text = self.tr("{path} cannot be written: {reason}.").format(path=self.path, reason=error.strerror)
+            remedy = self.tr("Copy the session and its recordings to a folder of this computer.")
+            self._show_above(f"<b>{escaped(text)}</b><br>{escaped(remedy)}")
+            self.copy.show()
+            return text
         return ""
 
     def _save_and_preview(self) -> None:
@@ -628,8 +706,8 @@ class SessionPage(QWidget):
                 values_of(self.lidar_rpy),
                 places["antenna", "xyz_m"],
                 places["implement", "xy_m"],
-                self.width_m.value() if with_tool else 0.0,
-                self.depth_m.value() if with_tool else 0.0,
+                value_of(self.width_m) if with_tool else 0.0,
+                value_of(self.depth_m) if with_tool else 0.0,
                 places["imu", "xyz_m"],
                 places["camera", "xyz_m"],
                 flies=self.flight,
@@ -638,8 +716,9 @@ class SessionPage(QWidget):
 
     def _mark(self, group: QGroupBox, title: str, *, missing: bool) -> None:
         """Say in the title of a group that it is still to be filled in."""
+        mark = "#ffb74d" if is_dark(self) else "#b45f06"
         group.setTitle(self.tr("{title}: not filled in").format(title=title) if missing else title)
-        group.setStyleSheet("QGroupBox::title { color: #b45f06; }" if missing else "")
+        group.setStyleSheet(f"QGroupBox::title {{ color: {mark}; }}" if missing else "")
 
 
 def escaped(text: str) -> str:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,10 @@ from qgis.PyQt.QtCore import QCoreApplication, QObject, pyqtSignal
 
 from ..figures import localized
 from ..previews import open_preview, preview_text, read_account, remove_previews
-from ..processing.algorithm import ERROR_CODE, ERROR_SETTING
+from ..processing.algorithm import ERROR_CODE, ERROR_EXTRA, ERROR_SETTING
 from ..products import product
 from ..results import REPORT, read_report
-from ..worker import WorkerError, run_command
+from ..worker import WorkerCancelled, WorkerError, run_command
 from .form_parts import FILL_IN, FORM_CODES
 
 QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
@@ -67,63 +67,123 @@ class StageFeedback(QgsProcessingFeedback):
         self.error = error
 
 
-class RunTask(QgsProcessingAlgRunnerTask):
-    """Runs the algorithm `furrowmap:run`; `on_stage` is called with the name of each stage."""
+@dataclass(frozen=True)
+class End:
+    """How a task ended: it answered, or it was cancelled, by whomever, or it failed.
 
-    def __init__(self, parameters: dict[str, Any], on_stage: Any) -> None:
+    Attributes:
+        answer: the command's; None if it was cancelled or failed.
+        text: three lines on the failure; "" if it did not fail.
+        code: of the error; "" for none.
+        setting: table, key and value of the session file that remedy the error; None for another remedy.
+        extra: part of furrowmap that has to be installed; "" for none.
+    """
+
+    cancelled: bool = False
+    answer: Any = None
+    text: str = ""
+    code: str = ""
+    setting: dict[str, Any] | None = None
+    extra: str = ""
+
+
+class RunTask(QgsProcessingAlgRunnerTask):
+    """Runs the algorithm `furrowmap:run`; `on_stage` is called with the name of each stage.
+
+    Signals:
+        ended: with the :class:`End`, once, however it ended; its answer has the algorithm's outputs.
+    """
+
+    ended = pyqtSignal(object)
+
+    def __init__(self, parameters: dict[str, Any], on_stage: Callable[[str], None]) -> None:
         self.context = QgsProcessingContext()
         self.feedback = StageFeedback(logFeedback=False)
         self.feedback.stage_changed.connect(on_stage)
         algorithm = QgsApplication.processingRegistry().createAlgorithmById("furrowmap:run")
         super().__init__(algorithm, parameters, self.context, self.feedback, QUIET)
+        self.executed.connect(self._tell)
 
-    @property
-    def error_code(self) -> str:
-        """Code of the error that ended it; "" if there is none."""
-        return self.feedback.property(ERROR_CODE) or ""
-
-    @property
-    def error_setting(self) -> dict[str, Any] | None:
-        """Table, key and value of the session file that remedy the error; None for another remedy."""
-        setting = json.loads(self.feedback.property(ERROR_SETTING) or "null")
-        return setting if isinstance(setting, dict) else None
+    def _tell(self, successful: bool, outputs: dict[str, Any]) -> None:
+        feedback = self.feedback
+        if successful:
+            self.ended.emit(End(answer=outputs))
+        elif self.isCanceled() or feedback.isCanceled():
+            self.ended.emit(End(cancelled=True))
+        else:
+            setting = json.loads(feedback.property(ERROR_SETTING) or "null")
+            text = feedback.error or QCoreApplication.translate("Worker", "The run failed; see the log.")
+            code = feedback.property(ERROR_CODE) or ""
+            known = setting if isinstance(setting, dict) else None
+            self.ended.emit(End(text=text, code=code, setting=known, extra=feedback.property(ERROR_EXTRA) or ""))
 
 
 class CommandTask(QgsTask):
     """Runs one command without its algorithm.
 
     Signals:
-        failed: with the three lines of the error, as one text, and its code.
+        ended: with the :class:`End`, once, however it ended.
     """
 
-    answered = pyqtSignal(object)
-    failed = pyqtSignal(str, str)
+    ended = pyqtSignal(object)
 
     def __init__(self, title: str, program: Sequence[str], arguments: Sequence[str]) -> None:
         super().__init__(title, QUIET)
         self._program = program
         self._arguments = arguments
-        self._answer: Any = None
-        self._error: WorkerError | None = None
+        self._end = End(cancelled=True)  # of a task that never began
 
     def run(self) -> bool:
         """Run the command, in a thread of QGIS's."""
         try:
-            self._answer = run_command(self._program, self._arguments, self._on_message, self.isCanceled)
+            answer = run_command(self._program, self._arguments, self._on_message, self.isCanceled)
+        except WorkerCancelled:
+            return False
         except WorkerError as error:
-            self._error = error
-        return self._error is None
+            self._end = End(text="\n".join(error.lines), code=error.code, setting=error.setting, extra=error.extra)
+            return False
+        except Exception as error:  # noqa: BLE001 - whatever ends the task, the dock goes on
+            self._end = End(text=f"{type(error).__name__}: {error}")
+            return False
+        self._end = End(answer=answer)
+        return True
 
-    def finished(self, result: bool) -> None:
-        """Emit a signal, in the main thread; none if the task was cancelled."""
-        if result:
-            self.answered.emit(self._answer)
-        elif self._error is not None and not self.isCanceled():
-            self.failed.emit("\n".join(self._error.lines), self._error.code)
+    def finished(self, result: bool) -> None:  # noqa: ARG002 - the end says more
+        """Emit the signal, in the main thread."""
+        self.ended.emit(End(cancelled=True) if self.isCanceled() and self._end.answer is None else self._end)
 
     def _on_message(self, message: dict[str, Any]) -> None:
         if message["type"] == "progress":
             self.setProgress(100.0 * float(message.get("share", 0.0)))
+
+
+class CopyTask(QgsTask):
+    """Copies files by a function that takes where to tell the share done, and what tells whether it is cancelled.
+
+    Signals:
+        ended: with the :class:`End`, once, however it ended; its answer are the copies.
+    """
+
+    ended = pyqtSignal(object)
+
+    def __init__(self, title: str, work: Callable[[Callable[[float], None], Callable[[], bool]], list[Path]]) -> None:
+        super().__init__(f"furrowmap: {title}", QUIET)
+        self._work = work
+        self._end = End(cancelled=True)
+
+    def run(self) -> bool:
+        """Copy, in a thread of QGIS's."""
+        try:
+            copies = self._work(lambda share: self.setProgress(100.0 * share), self.isCanceled)
+        except OSError as error:
+            self._end = End(text=f"{error.filename}: {error.strerror}.")
+            return False
+        self._end = End(answer=copies) if copies else End(cancelled=True)
+        return bool(copies)
+
+    def finished(self, result: bool) -> None:  # noqa: ARG002 - the end says more
+        """Emit the signal, in the main thread."""
+        self.ended.emit(self._end)
 
 
 class Previewer(QObject):
@@ -150,7 +210,7 @@ class Previewer(QObject):
         self._folders.append(folder)
         parameters = {"SESSION": str(session), "PREVIEW": True, "OUTPUT": folder, "OPEN": False}
         task = self._task = RunTask(parameters, self._show_stage)
-        task.executed.connect(lambda successful, _: self._finish(task, folder, successful=successful))
+        task.ended.connect(lambda end: self._finish(task, folder, end))
         self._show_stage(self.tr("starting"))
         QgsApplication.taskManager().addTask(task)
 
@@ -182,15 +242,17 @@ class Previewer(QObject):
         if self._task is not None:
             self.status_changed.emit(self.tr("Preview: {stage}…").format(stage=name))
 
-    def _finish(self, task: RunTask, folder: str, *, successful: bool) -> None:
+    def _finish(self, task: RunTask, folder: str, end: End) -> None:
         if task is not self._task:
-            return  # cancelled meanwhile
+            return  # cancelled meanwhile, or another one has begun
         self._task = None
-        if not successful:
-            lines = task.feedback.error.splitlines() or [self.tr("see the log.")]
-            reason = " ".join(dict.fromkeys((lines[0], lines[-1])))
+        if end.cancelled:
+            self.status_changed.emit("")
+            return
+        if end.text:
+            reason = " ".join(dict.fromkeys(end.text.splitlines()))
             self.status_changed.emit(self.tr("No preview: {reason}").format(reason=reason))
-            self.remedy_found.emit(task.error_setting)
+            self.remedy_found.emit(end.setting)
             return
         layers = open_preview(folder)
         figures = preview_text(read_account(folder))
@@ -301,30 +363,35 @@ class BatchRunner(QObject):
             return
         words = ["init", str(drive.recordings), "-o", str(drive.session)]
         words += ["--machine", str(self._machine)] if self._machine is not None else []
-        task = CommandTask(f"furrowmap: {drive.recordings.name}", self._program, words)
-        task.answered.connect(lambda answer: self._run_if_complete(task, answer))
-        task.failed.connect(lambda text, _code: self._finish(task, FAILED, text))
-        self._add(task)
+        self._add(CommandTask(f"furrowmap: {drive.recordings.name}", self._program, words), self._run_if_complete)
 
-    def _run_if_complete(self, task: CommandTask, answer: dict[str, Any]) -> None:
-        if task is not self._task:
-            return
+    def _run_if_complete(self, answer: dict[str, Any]) -> None:
         if {notice.get("code") for notice in answer.get("missing") or []} & set(FORM_CODES) - {"no-implement"}:
-            self._finish(task, TO_FILL_IN, "")
+            self._finish(TO_FILL_IN)
         else:
             self._run()
 
     def _run(self) -> None:
         drive = self.drives[self._at]
         parameters = {"SESSION": str(drive.session), "OUTPUT": str(drive.folder), "OPEN": False}
-        task = RunTask(parameters, self._show_stage)
-        task.executed.connect(
-            lambda ok, _: self._finish(task, *(judged(drive.folder) if ok else (FAILED, task.feedback.error)))
-        )
-        self._add(task)
+        self._add(RunTask(parameters, self._show_stage), lambda _: self._finish(*judged(drive.folder)))
 
-    def _add(self, task: RunTask | CommandTask) -> None:
+    def _add(self, task: RunTask | CommandTask, go_on: Callable[[Any], None]) -> None:
+        """Begin a task of the running drive; however it ends, the drive goes on or has ended."""
+
+        def ended(end: End) -> None:
+            if task is not self._task:
+                return  # the batch was cancelled, or the plugin is being unloaded
+            self._task = None
+            if end.cancelled:  # by QGIS's task manager, or since QGIS is to be closed: no other drive begins
+                self.cancel()
+            elif end.text:
+                self._finish(FAILED, end.text)
+            else:
+                go_on(end.answer)
+
         self._task = task
+        task.ended.connect(ended)
         QgsApplication.taskManager().addTask(task)
 
     def _show_stage(self, name: str) -> None:
@@ -332,10 +399,7 @@ class BatchRunner(QObject):
             self.drives[self._at].text = name
             self.changed.emit(self._at)
 
-    def _finish(self, task: RunTask | CommandTask, state: str, text: str) -> None:
-        if task is not self._task:
-            return  # cancelled meanwhile
-        self._task = None
+    def _finish(self, state: str, text: str = "") -> None:
         drive = self.drives[self._at]
         drive.state = state
         drive.text = text

@@ -103,6 +103,7 @@
   <message><source>Crop height</source><translation>作物の高さ</translation></message>
   <message><source>Crops and trials</source><translation>作物と試験</translation></message>
   <message><source>Crops by parcel</source><translation>区画ごとの作物</translation></message>
+  <message><source>Crops of {name}</source><translation>{name} の作物</translation></message>
   <message><source>Data exchange</source><translation>データ交換</translation></message>
   <message><source>Date of the first position</source><translation>最初の測位の日付</translation></message>
   <message><source>Day of the flight</source><translation>飛行日</translation></message>
@@ -138,6 +139,7 @@
   <message><source>Farm map (PostGIS)</source><translation>農場マップ（PostGIS）</translation></message>
   <message><source>Features (GeoPackage)</source><translation>地物（GeoPackage）</translation></message>
   <message><source>Features of point clouds</source><translation>点群から地物を抽出</translation></message>
+  <message><source>Features of {name}</source><translation>{name} の地物</translation></message>
   <message><source>Field</source><translation>圃場</translation></message>
   <message><source>Field, drive and sensors. By default a small field that is tilled for a minute.</source><translation>圃場、走行、センサの設定。省略時は小さな圃場を 1 分間耕うんする例です。</translation></message>
   <message><source>Fields (JSON)</source><translation>圃場（JSON）</translation></message>
@@ -373,6 +375,7 @@
   <message><source>Surface</source><translation>サーフェス</translation></message>
   <message><source>Surfaces and point clouds</source><translation>サーフェスと点群</translation></message>
   <message><source>Surfaces from point clouds</source><translation>点群からサーフェスを作成</translation></message>
+  <message><source>Surfaces of {name}</source><translation>{name} のサーフェス</translation></message>
   <message><source>Surveyed points</source><translation>測量点</translation></message>
   <message><source>Surveyed surface or points</source><translation>測量したサーフェスまたは点</translation></message>
   <message><source>TASKDATA.XML in its folder, or a .zip of the folder.</source><translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation></message>
@@ -505,6 +508,35 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>vertical plane</source><translation>鉛直面</translation></message>
 </context>
 <context>
+  <name>DockWords</name>
+  <message><source> under 'Results'</source><translation>「結果」で</translation></message>
+  <message><source>'Camera', images</source><translation>「カメラ」の画像</translation></message>
+  <message><source>'Field', boundary</source><translation>「圃場」の境界</translation></message>
+  <message><source>'GNSS antenna', x, y, z</source><translation>「GNSS アンテナ」の x, y, z</translation></message>
+  <message><source>'Implement', depth</source><translation>「作業機」の深さ</translation></message>
+  <message><source>'Implement', kind</source><translation>「作業機」の種類</translation></message>
+  <message><source>'Implement', width</source><translation>「作業機」の幅</translation></message>
+  <message><source>'Implement', x, y</source><translation>「作業機」の x, y</translation></message>
+  <message><source>'Parcels', file</source><translation>「区画」のファイル</translation></message>
+  <message><source>'Parcels', treatments</source><translation>「区画」の処理</translation></message>
+  <message><source>'Results': </source><translation>「結果」で</translation></message>
+  <message><source>'Session', CRS</source><translation>「セッション」の CRS</translation></message>
+  <message><source>'Session', recordings</source><translation>「セッション」の記録</translation></message>
+  <message><source>'{part}' in Settings › Options › furrowmap</source><translation>設定 › オプション › furrowmap の「{part}」</translation></message>
+  <message><source>Camera</source><translation>カメラ</translation></message>
+  <message><source>Farm maps in PostGIS</source><translation>PostGIS の農場マップ</translation></message>
+  <message><source>GeoParquet</source><translation>GeoParquet</translation></message>
+  <message><source>Ground by a cloth (CSF)</source><translation>クロスによる地面の分類（CSF）</translation></message>
+  <message><source>IMU</source><translation>IMU</translation></message>
+  <message><source>Images of cameras (OpenCV, Pillow)</source><translation>カメラの画像（OpenCV、Pillow）</translation></message>
+  <message><source>ROS bags</source><translation>ROS バッグ</translation></message>
+  <message><source>Recordings in cloud storage</source><translation>クラウドストレージの記録</translation></message>
+  <message><source>Scanner</source><translation>スキャナ</translation></message>
+  <message><source>Statistics of trials and spreadsheets</source><translation>試験の統計と表計算ファイル</translation></message>
+  <message><source>roll, pitch, yaw</source><translation>ロール, ピッチ, ヨー</translation></message>
+  <message><source>x, y, z</source><translation>x, y, z</translation></message>
+</context>
+<context>
   <name>Figures</name>
   <message><source>, </source><translation>、</translation></message>
   <message><source>Accuracy</source><translation>精度</translation></message>
@@ -599,6 +631,7 @@ The other layers do not need it. Check the address and the network, or choose a 
 </context>
 <context>
   <name>FurrowmapDock</name>
+  <message><source>A part of furrowmap is not installed: {part}.</source><translation>furrowmap の一部がインストールされていません：{part}。</translation></message>
   <message><source>A task is running. Wait for its end, or cancel it.</source><translation>タスクを実行中です。終了を待つか、キャンセルしてください。</translation></message>
   <message><source>Add the session to the map first.</source><translation>先にセッションを地図に追加してください。</translation></message>
   <message><source>Added the machine {name}. Choose it in the form of a session.</source><translation>機械 {name} を追加しました。セッションのフォームで選んでください。</translation></message>
@@ -607,13 +640,19 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Calibrated: the session has the angles that the recording shows.</source><translation>キャリブレーション完了：記録が示す角度をセッションに書き込みました。</translation></message>
   <message><source>Calibrating</source><translation>キャリブレーション中</translation></message>
   <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
+  <message><source>Choose another folder for the results.</source><translation>結果のフォルダを別に選んでください。</translation></message>
+  <message><source>Copy the recordings to a folder of this computer; they are not changed.</source><translation>記録をこのコンピュータのフォルダにコピーしてください。元の記録は変わりません。</translation></message>
+  <message><source>Copying the recordings</source><translation>記録をコピーしています</translation></message>
   <message><source>Exported to {path}</source><translation>{path} にエクスポートしました</translation></message>
   <message><source>Exporting</source><translation>エクスポート中</translation></message>
   <message><source>Farm map</source><translation>農場マップ</translation></message>
   <message><source>File or folder of the export</source><translation>エクスポート先のファイルまたはフォルダ</translation></message>
+  <message><source>Folder for the copy of the recordings, the session and the results</source><translation>記録のコピー、セッション、結果を置くフォルダ</translation></message>
+  <message><source>Folder for the results</source><translation>結果のフォルダ</translation></message>
   <message><source>Folder of the page</source><translation>ページのフォルダ</translation></message>
   <message><source>Folder of the project</source><translation>プロジェクトのフォルダ</translation></message>
   <message><source>Inspecting the recordings</source><translation>記録を調べています</translation></message>
+  <message><source>Install…</source><translation>インストール…</translation></message>
   <message><source>Log</source><translation>ログ</translation></message>
   <message><source>Make surfaces…</source><translation>サーフェスを作成…</translation></message>
   <message><source>Opened the existing session of these recordings.</source><translation>この記録の既存のセッションを開きました。</translation></message>
@@ -622,13 +661,21 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Saved {path}</source><translation>{path} を保存しました</translation></message>
   <message><source>Saving the machine</source><translation>機械を保存中</translation></message>
   <message><source>Set up furrowmap's worker to run sessions. Results can be opened without it.</source><translation>セッションを実行するには furrowmap のワーカーを設定してください。結果は設定しなくても開けます。</translation></message>
-  <message><source>The form cannot edit line {number} of {name}. The session is run as it is.</source><translation>{name} の {number} 行目はフォームで編集できません。セッションをそのまま実行します。</translation></message>
+  <message><source>The drives are still running. Wait for their end, or cancel them in their list.</source><translation>走行の処理がまだ続いています。終わるまで待つか、一覧でキャンセルしてください。</translation></message>
+  <message><source>The form cannot edit line {number} of {name}.</source><translation>{name} の {number} 行目はフォームで編集できません。</translation></message>
   <message><source>The machine {name} has them for its next sessions.</source><translation>機械 {name} にも保存しました。次のセッションから使われます。</translation></message>
   <message><source>The previous task is being cancelled; try again in a moment.</source><translation>前のタスクをキャンセルしています。少し待ってからやり直してください。</translation></message>
-  <message><source>The run failed; see the log.</source><translation>実行に失敗しました。ログを確認してください。</translation></message>
+  <message><source>The session can be run as it is.</source><translation>セッションはこのまま実行できます。</translation></message>
+  <message><source>The session can be run as it is. The results in {folder} are then replaced.</source><translation>セッションはこのまま実行できます。{folder} の結果は置き換えられます。</translation></message>
   <message><source>The session file of this result is not there any more: {path}.</source><translation>この結果のセッションファイルはもうありません：{path}。</translation></message>
+  <message><source>The session is outside of the area of the project's CRS, {crs}: shapes are wrong.</source><translation>セッションはプロジェクトの CRS {crs} の適用範囲外にあり、形がゆがみます。</translation></message>
+  <message><source>The task had ended before it could be cancelled.</source><translation>キャンセルする前に処理は終わっていました。</translation></message>
   <message><source>This QGIS has no 3D views.</source><translation>この QGIS には 3D ビューがありません。</translation></message>
+  <message><source>This drive has not ended yet.</source><translation>この走行の処理はまだ終わっていません。</translation></message>
+  <message><source>Use {crs}</source><translation>{crs} を使う</translation></message>
   <message><source>{count} sessions in the farm map.</source><translation>農場マップには {count} 件のセッションがあります。</translation></message>
+  <message><source>{folder} is read-only, so that neither a session nor results can be written there.</source><translation>{folder} は読み取り専用で、セッションも結果も書き込めません。</translation></message>
+  <message><source>{folder} is read-only, so that the results cannot be written there.</source><translation>{folder} は読み取り専用で、結果を書き込めません。</translation></message>
   <message><source>{names}: a point cloud alone needs no session. Surfaces can be made of it.</source><translation>{names}：点群だけならセッションは不要です。サーフェスを作成できます。</translation></message>
   <message><source>{path} cannot be added: {reason}.</source><translation>{path} を追加できません：{reason}。</translation></message>
   <message><source>{path} cannot be read: {reason}.</source><translation>{path} を読めません：{reason}。</translation></message>
@@ -642,8 +689,10 @@ The other layers do not need it. Check the address and the network, or choose a 
   <name>Installer</name>
   <message><source>Check the network, or install from a folder of wheels.</source><translation>ネットワークを確認するか、wheel のフォルダからインストールしてください。</translation></message>
   <message><source>Choose a wheel of furrowmap, its source checkout, or a folder of wheels with the plugin's version.</source><translation>furrowmap の wheel、ソースのチェックアウト、またはプラグインと同じバージョンを含む wheel のフォルダを選択してください。</translation></message>
+  <message><source>Compiling: this takes some minutes, once.</source><translation>コンパイルしています。最初の一度だけ数分かかります。</translation></message>
   <message><source>Download the wheels with the same version of Python on the same kind of computer.</source><translation>同じ種類のコンピュータと同じバージョンの Python で wheel をダウンロードしてください。</translation></message>
   <message><source>Install Python from python.org; on Debian and Ubuntu the package python3-venv. Then try again.</source><translation>python.org から Python をインストールし（Debian と Ubuntu では python3-venv パッケージ）、やり直してください。</translation></message>
+  <message><source>Install the packages in the way in which furrowmap was installed.</source><translation>furrowmap をインストールしたのと同じ方法でパッケージをインストールしてください。</translation></message>
   <message><source>Installing failed: {reason}</source><translation>インストールに失敗しました：{reason}</translation></message>
   <message><source>No Python {oldest} to {newest} with venv was found.</source><translation>venv を備えた Python {oldest}～{newest} が見つかりません。</translation></message>
   <message><source>The checksum of {package} differs from the plugin's list.</source><translation>{package} のチェックサムがプラグインのリストと一致しません。</translation></message>
@@ -653,6 +702,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>The package index cannot be reached.</source><translation>パッケージインデックスに接続できません。</translation></message>
   <message><source>There is no wheel of {package} for this computer and this Python.</source><translation>このコンピュータと Python に対応する {package} の wheel がありません。</translation></message>
   <message><source>{folder} has no wheel of {package} for this Python.</source><translation>{folder} に、この Python に対応する {package} の wheel がありません。</translation></message>
+  <message><source>{program} has no Python beside it.</source><translation>{program} と同じ場所に Python がありません。</translation></message>
   <message><source>{program} is not furrowmap.</source><translation>{program} は furrowmap ではありません。</translation></message>
   <message><source>{source} has no furrowmap {version}.</source><translation>{source} に furrowmap {version} がありません。</translation></message>
 </context>
@@ -673,6 +723,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Change from date {earlier} to date {later}</source><translation>日付 {earlier} から日付 {later} への変化</translation></message>
   <message><source>Change of the surface</source><translation>地表面の変化</translation></message>
   <message><source>Cultivated path</source><translation>耕うん経路</translation></message>
+  <message><source>Depth of water (m)</source><translation>水深（m）</translation></message>
   <message><source>Differences of strips</source><translation>ストリップ間の差</translation></message>
   <message><source>Differences of swaths</source><translation>スワス間の差</translation></message>
   <message><source>Events of the drive</source><translation>走行中のイベント</translation></message>
@@ -686,6 +737,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Height change (m)</source><translation>高さの変化（m）</translation></message>
   <message><source>Height difference of swaths (mm)</source><translation>スワス間の高さの差（mm）</translation></message>
   <message><source>Height of the canopy</source><translation>樹冠の高さ</translation></message>
+  <message><source>Height of the canopy (m)</source><translation>樹冠の高さ（m）</translation></message>
   <message><source>Height of the crop</source><translation>作物の高さ</translation></message>
   <message><source>Height of the crop (m)</source><translation>作物の高さ（m）</translation></message>
   <message><source>Low spots</source><translation>くぼ地</translation></message>
@@ -707,8 +759,10 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Relief of the ground</source><translation>地面の起伏</translation></message>
   <message><source>Reports and settings of the sessions</source><translation>セッションのレポートと設定</translation></message>
   <message><source>Roughness</source><translation>粗さ</translation></message>
+  <message><source>Roughness (m)</source><translation>粗さ（m）</translation></message>
   <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Slope</source><translation>傾斜</translation></message>
+  <message><source>Slope (°)</source><translation>傾斜（°）</translation></message>
   <message><source>Strips of the flight</source><translation>飛行のストリップ</translation></message>
   <message><source>Surface</source><translation>表面</translation></message>
   <message><source>Surface after the work</source><translation>作業後の地表面</translation></message>
@@ -718,23 +772,31 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Work of each session</source><translation>セッションごとの作業</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>none: turns alone</source><translation>なし（旋回のみ）</translation></message>
+  <message><source>unknown</source><translation>不明</translation></message>
 </context>
 <context>
   <name>Options</name>
+  <message><source>A task of furrowmap is running. Wait for its end, or cancel it.</source><translation>furrowmap の処理が実行中です。終わるまで待つか、キャンセルしてください。</translation></message>
   <message><source>Another one (a Python interpreter with furrowmap, or the furrowmap command):</source><translation>別のもの（furrowmap の入った Python インタプリタ、または furrowmap コマンド）：</translation></message>
   <message><source>Cancel</source><translation>キャンセル</translation></message>
   <message><source>Cancelled; nothing was changed.</source><translation>キャンセルしました。何も変更していません。</translation></message>
   <message><source>Choose where furrowmap is to be installed from.</source><translation>furrowmap のインストール元を選択してください。</translation></message>
-  <message><source>Create a Python environment for furrowmap in {folder}? It takes 920 MB. QGIS's Python is not changed.</source><translation>furrowmap 用の Python 環境を {folder} に作成しますか？920 MB を使用します。QGIS の Python は変更しません。</translation></message>
+  <message><source>Create a Python environment for furrowmap in {folder}? It takes {size} MB on the disk. QGIS's Python is not changed.</source><translation>{folder} に furrowmap の Python 環境を作成しますか？ディスクを {size} MB 使います。QGIS の Python は変わりません。</translation></message>
   <message><source>Create environment…</source><translation>環境を作成…</translation></message>
   <message><source>Created in {folder}</source><translation>作成済み：{folder}</translation></message>
+  <message><source>Created in {folder} ({size} MB)</source><translation>{folder} に作成済み（{size} MB）</translation></message>
   <message><source>Creating furrowmap's environment</source><translation>furrowmap の環境を作成しています</translation></message>
-  <message><source>Delete</source><translation>削除</translation></message>
+  <message><source>Delete furrowmap's environment in {folder}? Sessions cannot be run without it.</source><translation>{folder} の furrowmap の環境を削除しますか？環境がないとセッションを実行できません。</translation></message>
+  <message><source>Delete…</source><translation>削除…</translation></message>
   <message><source>Deleting furrowmap's environment</source><translation>furrowmap の環境を削除しています</translation></message>
   <message><source>Environment of the plugin</source><translation>プラグインの環境</translation></message>
   <message><source>Found automatically</source><translation>自動検出</translation></message>
   <message><source>From a folder with the wheels of furrowmap and its dependencies (offline)</source><translation>furrowmap と依存パッケージの wheel のフォルダから（オフライン）</translation></message>
   <message><source>From a wheel or source checkout; dependencies from the package index (240 MB to download)</source><translation>wheel またはソースのチェックアウトから。依存パッケージはパッケージインデックスから（ダウンロード 240 MB）</translation></message>
+  <message><source>Further parts of furrowmap</source><translation>furrowmap の追加部分</translation></message>
+  <message><source>Install</source><translation>インストール</translation></message>
+  <message><source>Installed: {packages}.</source><translation>インストールしました：{packages}。</translation></message>
+  <message><source>Installing packages</source><translation>パッケージをインストールしています</translation></message>
   <message><source>It works: {program}</source><translation>動作します：{program}</translation></message>
   <message><source>None</source><translation>なし</translation></message>
   <message><source>Not created. Folder: {folder}</source><translation>未作成。作成先：{folder}</translation></message>
@@ -751,11 +813,15 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>furrowmap passes</source><translation>furrowmap の行程</translation></message>
 </context>
 <context>
+  <name>Places</name>
+  <message><source>there is a file or folder of this name already</source><translation>同じ名前のファイルかフォルダがすでにあります</translation></message>
+  <message><source>{needed:,.1f} GB are needed, {free:,.1f} GB are free</source><translation>必要な容量は {needed:,.1f} GB、空きは {free:,.1f} GB です</translation></message>
+</context>
+<context>
   <name>Previewer</name>
   <message><source>No preview: {reason}</source><translation>プレビューできません：{reason}</translation></message>
   <message><source>Preview on the map: {figures}.</source><translation>プレビューを地図に表示しました：{figures}。</translation></message>
   <message><source>Preview: {stage}…</source><translation>プレビュー：{stage}…</translation></message>
-  <message><source>see the log.</source><translation>ログを確認してください。</translation></message>
   <message><source>starting</source><translation>開始しています</translation></message>
 </context>
 <context>
@@ -777,7 +843,6 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Back to the drives</source><translation>走行一覧に戻る</translation></message>
   <message><source>CSV of poses: the trajectory, for furrowmap</source><translation>姿勢の CSV：軌跡（furrowmap 用）</translation></message>
   <message><source>CSV: spreadsheets</source><translation>CSV：表計算ソフト</translation></message>
-  <message><source>Crops</source><translation>作物</translation></message>
   <message><source>Edit this session</source><translation>このセッションを編集</translation></message>
   <message><source>Export</source><translation>エクスポート</translation></message>
   <message><source>FlatGeobuf: web maps</source><translation>FlatGeobuf：ウェブ地図</translation></message>
@@ -794,26 +859,28 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Open the folder of the products</source><translation>成果物のフォルダを開く</translation></message>
   <message><source>Open the products as styled layers in a group</source><translation>成果物をスタイル付きのレイヤとしてグループに開く</translation></message>
   <message><source>Other session</source><translation>別のセッション</translation></message>
-  <message><source>Passes and events</source><translation>行程とイベント</translation></message>
   <message><source>Play the drive; ground worked, change and a visible cloud grow with it</source><translation>走行を再生します。作業済みの地面、変化、表示中の点群が走行に合わせて現れます</translation></message>
   <message><source>Print…</source><translation>印刷…</translation></message>
   <message><source>Project for QField…</source><translation>QField 用プロジェクト…</translation></message>
-  <message><source>Quality of the data</source><translation>データの品質</translation></message>
   <message><source>Replay</source><translation>再生</translation></message>
   <message><source>SBET: the trajectory, for LiDAR software</source><translation>SBET：軌跡（LiDAR ソフト用）</translation></message>
   <message><source>STAC: a catalogue of the products</source><translation>STAC：成果物のカタログ</translation></message>
   <message><source>Shapefile: older GIS</source><translation>シェープファイル：従来の GIS</translation></message>
-  <message><source>Surface and change</source><translation>地表面と変化</translation></message>
   <message><source>TUM: the trajectory, for robotics</source><translation>TUM：軌跡（ロボティクス用）</translation></message>
   <message><source>The visible layers in three dimensions</source><translation>表示中のレイヤを立体で表示します</translation></message>
   <message><source>This folder has no report, so the accuracy is unknown.</source><translation>このフォルダにはレポートがないため、精度は不明です。</translation></message>
   <message><source>Warnings</source><translation>警告</translation></message>
   <message><source>Web page with map and 3D, to share…</source><translation>共有用のウェブページ（地図と 3D）…</translation></message>
-  <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>glTF: the surface in 3D, with its orthophoto</source><translation>glTF：オルソ画像付きの 3D 表面</translation></message>
+  <message><source>{count} more warnings below the figures</source><translation>ほかに {count} 件の警告が数値の下にあります</translation></message>
 </context>
 <context>
   <name>Results</name>
+  <message><source>Crops</source><translation>作物</translation></message>
+  <message><source>Passes and events</source><translation>行程とイベント</translation></message>
+  <message><source>Quality of the data</source><translation>データの品質</translation></message>
+  <message><source>Surface and change</source><translation>地表面と変化</translation></message>
+  <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>{folder} has no {products} that QGIS can open. Choose the folder of a run.</source><translation>{folder} には QGIS で開ける {products} がありません。実行結果のフォルダを選択してください。</translation></message>
 </context>
 <context>
@@ -848,14 +915,19 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Calibrate</source><translation>キャリブレーション</translation></message>
   <message><source>Camera</source><translation>カメラ</translation></message>
   <message><source>Choose a saved machine, or type a name</source><translation>保存した機械を選ぶか、名前を入力</translation></message>
+  <message><source>Choose another folder, then run again.</source><translation>別のフォルダを選んでから、もう一度実行してください。</translation></message>
   <message><source>Choose the map's coordinate reference system.</source><translation>地図の座標参照系を選んでください。</translation></message>
+  <message><source>Copy the session and its recordings to a folder of this computer.</source><translation>セッションと記録をこのコンピュータのフォルダにコピーしてください。</translation></message>
+  <message><source>Copy to a folder of this computer…</source><translation>このコンピュータのフォルダにコピー…</translation></message>
   <message><source>Depth</source><translation>深さ</translation></message>
   <message><source>Drone or helicopter</source><translation>ドローン・ヘリコプター</translation></message>
+  <message><source>Empty: the folder beside the session that is shown in grey.</source><translation>空欄の場合は、灰色で示すセッションと同じ場所のフォルダです。</translation></message>
   <message><source>Enter the width of the implement, or uncheck 'Implement'.</source><translation>作業機の幅を入力するか、「作業機」のチェックを外してください。</translation></message>
   <message><source>Field</source><translation>圃場</translation></message>
   <message><source>Fill in the position and the approximate angles of the scanner first.</source><translation>先にスキャナの位置とおおよその角度を記入してください。</translation></message>
   <message><source>Fill in the positions of antenna and scanner first.</source><translation>先にアンテナとスキャナの位置を記入してください。</translation></message>
   <message><source>Find the scanner's angles in the recording; write them into the session and the chosen machine.</source><translation>記録からスキャナの角度を求め、セッションと選んだ機械に書き込みます。</translation></message>
+  <message><source>Folder</source><translation>フォルダ</translation></message>
   <message><source>GNSS antenna</source><translation>GNSS アンテナ</translation></message>
   <message><source>IMU</source><translation>IMU</translation></message>
   <message><source>Implement</source><translation>作業機</translation></message>
@@ -876,6 +948,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Replace its places by those of the form, or type another name.</source><translation>フォームの位置で置き換えるか、別の名前を入力してください。</translation></message>
   <message><source>Replace the machine</source><translation>機械を置き換える</translation></message>
   <message><source>Replace them</source><translation>置き換える</translation></message>
+  <message><source>Results</source><translation>結果</translation></message>
   <message><source>Run without accuracy</source><translation>精度なしで実行</translation></message>
   <message><source>Save</source><translation>保存</translation></message>
   <message><source>Save and run</source><translation>保存して実行</translation></message>
@@ -929,7 +1002,9 @@ The other layers do not need it. Check the address and the network, or choose a 
 </context>
 <context>
   <name>StartPage</name>
+  <message><source>Choose a folder for the results…</source><translation>結果のフォルダを選ぶ…</translation></message>
   <message><source>Choose recordings or a session…</source><translation>記録またはセッションを選択…</translation></message>
+  <message><source>Copy to a folder of this computer…</source><translation>このコンピュータのフォルダにコピー…</translation></message>
   <message><source>Drop here:
 recordings of a drive,
 their folder, a session.toml,
@@ -944,6 +1019,7 @@ Several sessions or folders run one after another.</source><translation>ここ�
   <message><source>Open the folder of a run…</source><translation>実行結果のフォルダを開く…</translation></message>
   <message><source>Recent sessions</source><translation>最近のセッション</translation></message>
   <message><source>Recordings of one drive, or a session</source><translation>1 回の走行の記録、またはセッション</translation></message>
+  <message><source>Run it as it is</source><translation>このまま実行</translation></message>
   <message><source>Set up…</source><translation>設定…</translation></message>
   <message><source>The last list of {count} drives…</source><translation>前回の走行一覧（{count} 件）…</translation></message>
 </context>
@@ -972,6 +1048,7 @@ Several sessions or folders run one after another.</source><translation>ここ�
   <message><source>See its last lines in the log. Products of an earlier run are unchanged.</source><translation>最後の出力をログで確認してください。以前の成果物は変更されていません。</translation></message>
   <message><source>Sessions cannot be run; existing results can still be opened.</source><translation>セッションは実行できませんが、既存の結果は開けます。</translation></message>
   <message><source>Test it in Settings › Options › furrowmap.</source><translation>「設定 › オプション › furrowmap」でテストしてください。</translation></message>
+  <message><source>The run failed; see the log.</source><translation>実行に失敗しました。ログを見てください。</translation></message>
   <message><source>The worker ended without an answer (status {status}, at: {stage}).</source><translation>ワーカーが応答せずに終了しました（終了コード {status}、処理中：{stage}）。</translation></message>
   <message><source>The worker sent nothing for {minutes:.0f} minutes (at: {stage}).</source><translation>ワーカーが {minutes:.0f} 分間応答しません（処理中：{stage}）。</translation></message>
   <message><source>Try again without the file that it was reading, or inspect that file first.</source><translation>読み込み中だったファイルを除いて再実行するか、先にそのファイルを調べてください。</translation></message>

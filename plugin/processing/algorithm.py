@@ -26,13 +26,14 @@ from qgis.PyQt.QtCore import QCoreApplication
 from qgis.PyQt.QtGui import QIcon
 from qgis.utils import pluginMetadata
 
+from ..dock_words import in_dock_words
 from ..interpreter import find_interpreter, is_usable
 from ..previews import open_preview
 from ..results import open_results
 from ..worker import WorkerCancelled, WorkerError, run_command, stage_name
 from .description import ALGORITHMS, COMMAND_OPTIONS, TOOLBOX_GROUPS, Algorithm, Parameter
 from .layer_files import first_unknown, layer_files
-from .loading import load_when_done, style_when_done
+from .loading import is_raster, load_when_done, style_when_done
 from .parameters import qgis_output, qgis_parameter
 
 tr = partial(QCoreApplication.translate, "Algorithms")
@@ -45,6 +46,9 @@ ERROR_CODE = "furrowmapErrorCode"
 """Property of the feedback that holds the code of the command's error."""
 ERROR_SETTING = "furrowmapErrorSetting"
 """Property of the feedback: the line of the session file that remedies the error, as JSON."""
+
+ERROR_EXTRA = "furrowmapErrorExtra"
+"""Property of the feedback: the part of furrowmap that has to be installed."""
 
 
 class CommandAlgorithm(QgsProcessingAlgorithm):
@@ -247,15 +251,24 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             QgsMessageLog.logMessage("\n".join([*error.lines, *error.log]), TAB)
             feedback.setProperty(ERROR_CODE, error.code)
             feedback.setProperty(ERROR_SETTING, json.dumps(error.setting))
+            feedback.setProperty(ERROR_EXTRA, error.extra)
             raise QgsProcessingException("\n".join(error.lines)) from None
         feedback.setProgress(100)
         if self.description.layers and self.parameterAsBool(parameters, OPEN, context):
-            for path in self.description.opened(answer):
-                load_when_done(context, path, translated(self.description.layer_group) or Path(path).parent.name)
+            self._load(self.description.opened(answer), values, context)
         for name, parameter in self.by_name.items():
             if parameter.kind == "new raster":
                 style_when_done(context, values[name][0])
         return self._outputs(answer, values)
+
+    def _load(self, paths: Sequence[str], values: dict[str, list[str]], context: QgsProcessingContext) -> None:
+        """Have QGIS open products in one group, the first of them topmost; of several rasters one is seen."""
+        named = next((value[0] for name, value in values.items() if value and self.by_name[name].layers), "")
+        group = translated(self.description.layer_group) or "{folder}"
+        rasters = [path for path in paths if is_raster(path)]
+        for number, path in enumerate(paths):
+            title = group.format(name=Path(named).name.partition(".")[0], folder=Path(path).parent.name)
+            load_when_done(context, path, title, below=100 * (len(paths) - number), shown=path not in rasters[1:])
 
     def _outputs(self, answer: Any, values: dict[str, list[str]]) -> dict[str, Any]:
         """The files and folders that parameters name, and what the description takes from the answer."""
@@ -341,7 +354,7 @@ class _Listener:
                 self.feedback.setProgressText(stage_name(str(self.stage)))
             self.feedback.setProgress(100.0 * float(message.get("share", 0.0)))
         elif kind == "warning":
-            self.feedback.pushWarning(str(message.get("text", "")))
+            self.feedback.pushWarning(in_dock_words(str(message.get("text", ""))))
         else:
             self.feedback.pushInfo(str(message.get("text", message)))
 

@@ -101,7 +101,7 @@ class Algorithm:
             several where any of several parameters gives the argument.
         outputs: beside the files and folders that parameters name.
         layers: names of products that the user may have opened as layers, or one of :data:`_LAYERS`.
-        layer_group: for these in the layer tree; by default the name of their folder.
+        layer_group: for these in the layer tree, with {name} for the first input; by default the name of their folder.
     """
 
     command: str

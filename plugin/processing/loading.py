@@ -21,8 +21,17 @@ from qgis.core import (
 )
 from qgis.PyQt import sip
 
-from ..legends import name_node
-from ..styles import set_colours, show_as_change, show_as_counts, show_as_plots, show_as_surface, show_by_class
+from ..legends import label_band, title_of, translate_colours
+from ..own_layers import KEY_PROPERTY
+from ..styles import (
+    set_colours,
+    show_as_change,
+    show_as_counts,
+    show_as_plots,
+    show_as_surface,
+    show_by_class,
+    show_classes,
+)
 
 RASTER_SUFFIXES = (".tif", ".vrt")
 CLOUD_SUFFIXES = (".laz",)
@@ -35,32 +44,44 @@ FARM_LAYERS = ("fields", "sessions", "boundary", "coverage", "plants", "lines", 
 """Layers of a farm map that are seen at first: what one session missed, another one may have worked."""
 
 
-def load_when_done(context: QgsProcessingContext, path: str | Path, group: str) -> None:
-    """Have QGIS open a file's layers when the algorithm has finished, if there is a project."""
+def load_when_done(
+    context: QgsProcessingContext, path: str | Path, group: str, *, below: int = 0, shown: bool = True
+) -> None:
+    """Have QGIS open a file's layers when the algorithm has finished, if there is a project.
+
+    Args:
+        below: layers with smaller numbers lie below those of the file.
+        shown: whether they are seen at first.
+    """
     if context.project() is None:
         return
     hints = QgsProcessingUtils.LayerHint
     suffix = Path(path).suffix.lower()
     hint = hints.Raster if suffix in RASTER_SUFFIXES else hints.PointCloud if suffix in CLOUD_SUFFIXES else hints.Vector
     found = sources(path)
-    farm = {"fields", "sessions"} <= {name for _, name in found}
-    for below, (source, name) in enumerate(reversed(found)):
-        details = QgsProcessingContext.LayerDetails(name, context.project(), name, hint)
+    farm = {"fields", "sessions"} <= {key for _, key in found}
+    for number, (source, key) in enumerate(reversed(found)):
+        details = QgsProcessingContext.LayerDetails(title_of(key, worked=False), context.project(), key, hint)
         details.forceName = True
         details.groupName = group
-        details.layerSortKey = below
-        details.setPostProcessor(_Style.kept(shown=name in FARM_LAYERS or not farm))
+        details.layerSortKey = below + number
+        details.setPostProcessor(_Style.kept(key, shown=shown and (key in FARM_LAYERS or not farm)))
         context.addLayerToLoadOnCompletion(source, details)
+
+
+def is_raster(path: str | Path) -> bool:
+    """Whether a product is a raster."""
+    return Path(path).suffix.lower() in RASTER_SUFFIXES
 
 
 def style_when_done(context: QgsProcessingContext, path: str) -> None:
     """Style the raster of an output that QGIS itself opens when the algorithm has finished, if it does."""
     if context.willLoadLayerOnCompletion(path):
-        context.layerToLoadOnCompletionDetails(path).setPostProcessor(_Style.kept(shown=True))
+        context.layerToLoadOnCompletionDetails(path).setPostProcessor(_Style.kept(Path(path).stem, shown=True))
 
 
 def sources(path: str | Path) -> list[tuple[str, str]]:
-    """Source and name of each layer in a file."""
+    """Source and key of each layer in a file."""
     path = Path(path)
     if path.suffix.lower() in RASTER_SUFFIXES:
         return [(str(path), path.stem)]
@@ -72,18 +93,20 @@ def sources(path: str | Path) -> list[tuple[str, str]]:
 
 
 class _Style(QgsProcessingLayerPostProcessorInterface):
-    """Styles a layer: a vector by its default style, a point cloud by class, a raster by its name; titles it.
+    """Styles a layer: a vector by its default style, a point cloud by class, a raster by its key and content.
 
     QGIS deletes each object with its context, but does not keep its Python part alive until then: the class does.
     """
 
     _kept: tuple[_Style, ...] = ()
+    key = ""
     shown = True
 
     @classmethod
-    def kept(cls, *, shown: bool) -> _Style:
-        """A new object, for one layer, which is shown or hidden."""
+    def kept(cls, key: str, *, shown: bool) -> _Style:
+        """A new object, for one layer of this key, which is shown or hidden."""
         style = cls()
+        style.key = key
         style.shown = shown
         cls._kept = (*(other for other in cls._kept if not sip.isdeleted(other)), style)
         return style
@@ -94,21 +117,26 @@ class _Style(QgsProcessingLayerPostProcessorInterface):
         context: QgsProcessingContext,
         feedback: QgsProcessingFeedback,  # noqa: ARG002
     ) -> None:
-        """Set the style and the title, in the main thread; QGIS has put the layer into the layer tree."""
+        """Set the style and the key, in the main thread; QGIS has put the layer into the layer tree."""
+        layer.setCustomProperty(KEY_PROPERTY, self.key)
         if isinstance(layer, QgsVectorLayer):
             _, styled = layer.loadDefaultStyle()
             if not styled and layer.fields().indexOf("block") >= 0:
                 show_as_plots(layer)
+            show_classes(layer, self.key)
         elif isinstance(layer, QgsPointCloudLayer):
             show_by_class(layer)
-        elif layer.name() in RAMPS:
-            show_by_ramp(layer, RAMPS[layer.name()])
+        elif self.key in RAMPS:
+            show_by_ramp(layer, RAMPS[self.key])
         else:
             content = layer.bandName(1).partition(": ")[2].partition(" (")[0]
             BY_CONTENT.get(content, lambda _layer: None)(layer)
+        if isinstance(layer, QgsRasterLayer):
+            translate_colours(layer)
         node = context.project().layerTreeRoot().findLayer(layer.id()) if context.project() is not None else None
         if node is not None:
-            name_node(node, worked=False)
+            label_band(node, worked=False)
+            layer.legendChanged.emit()  # QGIS has built the legend already
             node.setItemVisibilityChecked(self.shown)
 
 

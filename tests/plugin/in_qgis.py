@@ -126,8 +126,8 @@ def run(job: dict[str, Any]) -> Any:
         layer = QgsProcessingUtils.mapLayerFromString(source, context, True, details.layerTypeHint)
         if details.postProcessor() is not None:
             details.postProcessor().postProcessLayer(layer, context, feedback)
-        loaded[details.name] = [details.groupName, layer.isValid(), layer.renderer().type()]
-    layers = [layer.name() for layer in project.mapLayers().values()]
+        loaded[layer.customProperty("furrowmap/key")] = [details.groupName, layer.isValid(), layer.renderer().type()]
+    layers = [layer.customProperty("furrowmap/key") or layer.name() for layer in project.mapLayers().values()]
     return {
         "outputs": outputs,
         "written": sorted(name for name, value in outputs.items() if str(value)[:1] == "/" and Path(value).exists()),

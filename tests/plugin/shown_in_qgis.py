@@ -101,7 +101,9 @@ def shown(place: Path) -> dict[str, Any]:
         more = {"figures": rows, "print": printed(project, report)}
     nodes = project.layerTreeRoot().findLayers()
     layers = {node.layer().id(): node for node in nodes}
-    named = {node.layer().name() if place.is_dir() else key: node for key, node in layers.items()}
+    named = {
+        node.layer().customProperty("furrowmap/key") if place.is_dir() else key: node for key, node in layers.items()
+    }
     return {"layers": {key: {"name": [node.name()], **words_of(node.layer())} for key, node in named.items()}, **more}
 
 

@@ -471,7 +471,7 @@ def test_parcels__are_measured_and_a_trial_is_analysed(answers: dict[str, Any], 
 def test_surface__is_opened_in_its_style(answers: dict[str, Any], folder: Path) -> None:
     assert answers["surface"]["error"] is None
     assert answers["surface"]["outputs"]["DSM"] == str(folder / "surfaces" / "dsm.tif")
-    assert answers["surface"]["loaded"]["dsm"] == ["surfaces", True, "hillshade"]
+    assert answers["surface"]["loaded"]["dsm"] == ["Surfaces of cloud", True, "hillshade"]
     parameters = json.loads((folder / "surfaces" / "surfaces.json").read_text(encoding="utf-8"))["parameters"]
     assert parameters["ground"] == "none"
 

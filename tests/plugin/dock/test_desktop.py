@@ -200,13 +200,13 @@ def test_flight__session_has_what_was_entered(seen: dict[str, Any]) -> None:
 
 def test_preview__is_on_the_map_before_anything_is_filled_in(seen: dict[str, Any]) -> None:
     """In a group of its own, which goes when the run's products come; its files are none of the drive's."""
-    assert seen["first_look"]["groups"] == {"Preview: loop, 圃場 1": ["trajectory"]}
+    assert seen["first_look"]["groups"] == {"Preview: loop, 圃場 1": ["preview_track"]}
     assert seen["first_look"]["words"].startswith("Preview on the map: 61 m in 60 s; 100%")
     assert seen["first_look"]["files"] == ["boundary.geojson", "gnss.nmea", "recording.pcap.gz", "session.toml"]
 
 
 def test_preview__has_a_surface_as_soon_as_the_scanner_is_placed(seen: dict[str, Any]) -> None:
-    assert seen["preview"] == {"Preview: North field": ["trajectory", "coarse surface"]}
+    assert seen["preview"] == {"Preview: North field": ["preview_track", "preview_dsm"]}
     assert seen["dropped_preview"] == seen["preview"]
 
 

@@ -131,7 +131,12 @@ def traces() -> dict[str, Any]:
 
 def groups() -> dict[str, list[str]]:
     root = QgsProject.instance().layerTreeRoot()
-    return {group.name(): [node.layer().name() for node in group.findLayers()] for group in root.findGroups()}
+    return {group.name(): [key_of(node.layer()) for node in group.findLayers()] for group in root.findGroups()}
+
+
+def key_of(layer: Any) -> str:
+    """What a layer is, whatever its name."""
+    return str(layer.customProperty("furrowmap/key") or layer.name())
 
 
 def reloads() -> Iterator[Any]:
@@ -452,14 +457,14 @@ def whole_run() -> Iterator[Any]:
     SEEN["figures"] = widget("furrowmapFigures").toPlainText()
     SEEN["invalid"] = [layer.name() for layer in QgsProject.instance().mapLayers().values() if not layer.isValid()]
     layers = list(QgsProject.instance().mapLayers().values())
-    SEEN["styles"] = {layer.name(): layer.renderer().type() for layer in layers}
-    SEEN["map_tips"] = [layer.name() for layer in layers if getattr(layer, "mapTipTemplate", str)()]
+    SEEN["styles"] = {key_of(layer): layer.renderer().type() for layer in layers}
+    SEEN["map_tips"] = [key_of(layer) for layer in layers if getattr(layer, "mapTipTemplate", str)()]
     span = QgsProject.instance().timeSettings().temporalRange()
     SEEN["span"] = [span.begin().toString(Qt.DateFormat.ISODate), span.end().toString(Qt.DateFormat.ISODate)]
     SEEN["terrain"] = QgsProject.instance().elevationProperties().terrainProvider().type()
     SEEN["busy_s"] = BUSY["cpu_s"]
     tree, model = QgsProject.instance().layerTreeRoot(), iface.layerTreeView().layerTreeModel()  # noqa: F821
-    changed = next(node for node in tree.findLayers() if node.layer().name() == "change")
+    changed = next(node for node in tree.findLayers() if key_of(node.layer()) == "change")
     SEEN["legend"] = model.layerLegendNodes(changed)[0].data(Qt.ItemDataRole.DisplayRole)
     shot(f"{OUT}/result.png")  # noqa: F821
     box = widget("furrowmapTheme")
@@ -467,7 +472,7 @@ def whole_run() -> Iterator[Any]:
     for number in (*range(box.count()), 0):
         box.setCurrentIndex(number)
         box.activated.emit(number)
-        SEEN["themes"][box.itemData(number)] = [n.layer().name() for n in tree.findLayers() if n.isVisible()]
+        SEEN["themes"][box.itemData(number)] = [key_of(n.layer()) for n in tree.findLayers() if n.isVisible()]
         yield drawn
 
 
@@ -499,7 +504,7 @@ def on_the_map() -> Iterator[Any]:
     written.append(QgsLayoutExporter.exportToPdf(layout.atlas(), f"{OUT}/atlas.pdf", settings)[0])
     assert written == [QgsLayoutExporter.ExportResult.Success] * 2, written
     yield
-    nodes = {node.layer().name(): node for node in project.layerTreeRoot().findLayers()}
+    nodes = {key_of(node.layer()): node for node in project.layerTreeRoot().findLayers()}
     strips = worked_strips(nodes["trajectory"].layer(), tools_of(read_report(folder)), 1.0)
     SEEN["swept_m2"] = sum(strip.geometry().area() for strip in strips)
     before = sorted(project.mapLayers())
@@ -520,7 +525,7 @@ def on_the_map() -> Iterator[Any]:
         SEEN[f"replay_{theme}"] += [sorted(project.mapLayers()) == before, nodes[name].isVisible()]
     SEEN["replay_end"] = SEEN["replay_end"].toString(Qt.DateFormat.ISODate)
     plugin().dock.result.theme_wanted.emit("work")
-    cloud = next(node for node in project.layerTreeRoot().findLayers() if node.layer().name() == "cloud")
+    cloud = next(node for node in project.layerTreeRoot().findLayers() if key_of(node.layer()) == "cloud")
     cloud.setItemVisibilityChecked(True)
     click("furrowmapDo_replay")
     yield lambda: controller.currentFrameNumber() >= 2
