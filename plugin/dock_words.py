@@ -15,29 +15,31 @@ from .processing.description import ALGORITHMS
 
 tr = partial(QCoreApplication.translate, "DockWords")
 
-_KEYS = re.compile(
+_SESSION_KEYS = re.compile(
     r"`?\[+(\w+)\]+ (\w+)(?: = [^`。]*(?=`))?`?(?:( and | or |、| と |と| か | または )`?(\w+)`?(?![\w\]]))?"
 )
-_COMMAND = re.compile(r"`furrowmap ([a-z]+(?: [a-z]+)?)((?: [^`]*)?)`")
-_INSTALL = re.compile(
+_COMMAND_WORDS = re.compile(r"`furrowmap ([a-z]+(?: [a-z]+)?)((?: [^`]*)?)`")
+_PIP_INSTALL = re.compile(
     r"(?:furrowmap のチェックアウト内で )?`?pip install ['\"]?\.\[(\w+)\]['\"]?`?"
     r"( または \"\.\[\w+\]\"| or \"\.\[\w+\]\")?"
     r"(?: in the checkout of furrowmap| を実行する(?=か)| を実行してください)?"
 )
-_OUTPUT = re.compile(r" with -o\b|`?(?<![\w-])-o`? で")
-_OPTION = re.compile(r"`?(?<![\w-])--([a-z][a-z-]+)")
-_EXTRA = re.compile(r"pip install ['\"]?\.\[(\w+)\]")
+_OUTPUT_OPTION = re.compile(r" with -o\b|`?(?<![\w-])-o`? で")
+_ANY_OPTION = re.compile(r"`?(?<![\w-])--([a-z][a-z-]+)")
+_EXTRA_NAME = re.compile(r"pip install ['\"]?\.\[(\w+)\]")
 
 
 def in_dock_words(text: str) -> str:
     """A text with the labels of the form and of the toolbox in place of keys, options and commands."""
     if not any(sign in text for sign in ("[", "`", "--", "-o", "pip ")):
         return text
-    text = _INSTALL.sub(_part, text)
-    text = _COMMAND.sub(_command, text)
-    text = _OUTPUT.sub(lambda found: tr(" under 'Results'") if found[0].startswith(" ") else tr("'Results': "), text)
-    text = _KEYS.sub(_keys, text)
-    return _OPTION.sub(_option, text)
+    text = _PIP_INSTALL.sub(_part, text)
+    text = _COMMAND_WORDS.sub(_command, text)
+    text = _OUTPUT_OPTION.sub(
+        lambda found: tr(" under 'Results'") if found[0].startswith(" ") else tr("'Results': "), text
+    )
+    text = _SESSION_KEYS.sub(_keys, text)
+    return _ANY_OPTION.sub(_option, text)
 
 
 def extra_words() -> dict[str, str]:
@@ -55,7 +57,7 @@ def extra_words() -> dict[str, str]:
 
 def missing_extra(text: str) -> str:
     """The extra of furrowmap that a text asks to install; "" for none."""
-    found = _EXTRA.search(text)
+    found = _EXTRA_NAME.search(text)
     return found[1] if found else ""
 
 

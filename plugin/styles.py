@@ -46,7 +46,7 @@ COUNTS = LABELS["counts"]
 """How often ground was worked: up to a count, its colour and label."""
 NOISE = 7
 CLASSES = 5
-BEYOND = 1e9
+BEYOND_ALL = 1e9
 """No number of a product is larger."""
 UNKNOWN_COLOUR = "#d9d9d9"
 
@@ -121,17 +121,17 @@ def show_classes(layer: QgsVectorLayer, key: str) -> None:
         label = f"{words[k]} – {words[k + 1]} {facts['unit']}"
         lower, upper = edges[k], edges[k + 1]
         if open_ended and k == 0:
-            lower, label = -BEYOND, f"< {words[1]} {facts['unit']}"
+            lower, label = -BEYOND_ALL, f"< {words[1]} {facts['unit']}"
         elif open_ended and k == CLASSES - 1:
-            upper, label = BEYOND, f"> {words[k]} {facts['unit']}"
+            upper, label = BEYOND_ALL, f"> {words[k]} {facts['unit']}"
         ranges.append(QgsRendererRange(lower, upper, symbol, label))
     request = QgsFeatureRequest().setFilterExpression(f'"{facts["field"]}" is null').setLimit(1)
     if next(layer.getFeatures(request), None) is not None:
         symbol = layer.renderer().symbol().clone()
         symbol.setColor(QColor(UNKNOWN_COLOUR))
         words_unknown = QCoreApplication.translate("Legends", "unknown")
-        ranges.append(QgsRendererRange(2 * BEYOND, 2 * BEYOND, symbol, words_unknown))
-    layer.setRenderer(QgsGraduatedSymbolRenderer(f'coalesce("{facts["field"]}", {2 * BEYOND:.0f})', ranges))
+        ranges.append(QgsRendererRange(2 * BEYOND_ALL, 2 * BEYOND_ALL, symbol, words_unknown))
+    layer.setRenderer(QgsGraduatedSymbolRenderer(f'coalesce("{facts["field"]}", {2 * BEYOND_ALL:.0f})', ranges))
 
 
 def _between(colours: Sequence[str], share: float) -> QColor:

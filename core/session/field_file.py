@@ -17,7 +17,7 @@ from furrowmap.core.runtime.file_names import resolved
 VECTOR_SUFFIXES: Final = (".geojson", ".json", ".gpkg", ".fgb", ".kml", ".shp")
 _BOUNDARY_WORDS: Final = ("boundary", "field", "outline", "境界", "圃場")
 """In names of files, the one first that is taken before others."""
-_NEAR_M: Final = 200.0
+_NEAR_FIELD_M: Final = 200.0
 """A drive is in its field, or on the way to it."""
 _METRES_A_DEGREE: Final = 111_195.0
 """On a sphere with the Earth's mean radius."""
@@ -31,6 +31,12 @@ class FieldFile:
 
     boundary: Path | None = None
     unused: tuple[Notice, ...] = ()
+
+    @property
+    def used(self) -> list[Notice]:
+        """What was found, if a boundary was."""
+        named = [self.boundary] if self.boundary is not None else []
+        return [Notice("recording", name=path.name, title="boundary of the field") for path in named]
 
     @classmethod
     def among(
@@ -65,7 +71,7 @@ class FieldFile:
                 unused.append(Notice("recording-unused.boundary-of-flight", file=name))
                 continue
             apart_m = _apart_m(outlines, places_deg)
-            if apart_m > _NEAR_M:
+            if apart_m > _NEAR_FIELD_M:
                 unused.append(Notice("recording-unused.boundary-elsewhere", file=name, apart_m=apart_m))
                 continue
             found = path

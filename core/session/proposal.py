@@ -253,9 +253,7 @@ def propose_session(
     flight = flight_of(lidar, inertial) if machine is None and not states else None
     flies = flight is not None or (not states and (bool(attitude) or (bool(inertial) and not lidar)))
     machine = machine or Machine()
-    trial = [path for _, path in beside.titled]
-    places_deg = np.concatenate([_NOWHERE, *(b.places_deg for b in beginnings)])
-    of_field = FieldFile.among(beside.files, places_deg, trial, flies=flies)
+    of_field = _field_file(beside, beginnings, flies=flies)
     sensed = bool(lidar or inertial or attitude)
     text = "\n".join(
         [
@@ -272,7 +270,7 @@ def propose_session(
             *([_implement(states, folder, machine)] if states else [] if flies else [implement_table(machine)]),
             *([_camera(beside.images, folder)] if beside.images is not None else camera_comment(machine)),
             *([_parcels(beside, folder, measured=flies)] if beside.parcels is not None else []),
-            *([_field(of_field.boundary, folder)] if of_field.boundary else [] if flies else [_FIELD_COMMENT]),
+            *_field(of_field.boundary, folder, flies=flies),
         ]
     )
     told = dict.fromkeys(notice for r in ordered for notice in r.inspection.notices)
@@ -284,11 +282,7 @@ def propose_session(
         *([Notice("crs", code=crs.code, crs=crs.name, reason=crs.reason)] if crs is not None else []),
         *(Notice("crs-alternative", other=other) for other in (crs.alternatives if crs is not None else ())),
         *(Notice("recording", name=path.name, title=title) for title, path in beside.titled),
-        *(
-            [Notice("recording", name=of_field.boundary.name, title="boundary of the field")]
-            if of_field.boundary
-            else []
-        ),
+        *of_field.used,
         *beside.notices,
     ]
     lacking = {"no-lidar": not (sensed or states), "no-positions": not (gnss or poses), "no-crs": crs is None}
@@ -578,9 +572,18 @@ def _parcels(beside: TrialFiles, folder: Path, *, measured: bool) -> str:
     return "\n".join([f"# Parcels of a trial: {count} polygons with identifiers in the column {column}.", *lines, ""])
 
 
-def _field(boundary: Path, folder: Path) -> str:
-    """The boundary that was found."""
-    return f"[field]\nboundary = {_quoted(*_inside([boundary], folder))}\n"
+def _field_file(beside: TrialFiles, beginnings: Sequence[_Beginning], *, flies: bool) -> FieldFile:
+    """The boundary among the files beside recordings."""
+    taken = [path for _, path in beside.titled]
+    places_deg = np.concatenate([_NOWHERE, *(b.places_deg for b in beginnings)])
+    return FieldFile.among(beside.files, places_deg, taken, flies=flies)
+
+
+def _field(boundary: Path | None, folder: Path, *, flies: bool) -> list[str]:
+    """The boundary that was found, or a comment where one could be entered."""
+    if boundary is None:
+        return [] if flies else [_FIELD_COMMENT]
+    return [f"[field]\nboundary = {_quoted(*_inside([boundary], folder))}\n"]
 
 
 def _implement(states: Sequence[Examined], folder: Path, machine: Machine) -> str:

@@ -22,8 +22,8 @@ else:
 
 _TABLE_LINE = re.compile(r"(\[?)\[\s*([A-Za-z0-9_-]+)\s*\](\]?)\s*(#.*)?")
 _OTHER_TABLE_LINE = re.compile(r"(\[?)\[([^\]#]*)\](\]?)\s*(#.*)?")
-_NAME = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
-_ENTRY = re.compile(rf"({_NAME}(?:\s*\.\s*{_NAME})*)\s*=\s*(.*)")
+_KEY_NAME = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
+_ENTRY = re.compile(rf"({_KEY_NAME}(?:\s*\.\s*{_KEY_NAME})*)\s*=\s*(.*)")
 _LITERAL = re.compile(r"'[^'\n]*'")
 _LINE_OF_ERROR = re.compile(r"at line (\d+)")
 UNREAD = object()

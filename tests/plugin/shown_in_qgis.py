@@ -63,7 +63,7 @@ def words_of(layer: Any) -> dict[str, list[str]]:
     return {
         "fields": [field.alias() for field in layer.fields() if field.name() != "fid"],
         "values": [word for one in maps for pair in one for word in pair],
-        "legend": [one.label() for one in renderer.categories()] if hasattr(renderer, "categories") else [],
+        "legend": [one.label() for kind in ("categories", "ranges") for one in getattr(renderer, kind, list)()],
         "map tips": tips,
         "cells": [shown for name, shown in sorted(cells) if name not in USERS],
     }
@@ -75,7 +75,7 @@ def printed(project: QgsProject, report: dict[str, Any]) -> list[str]:
     items = layout.items()
     texts = [item.currentText() for item in items if isinstance(item, QgsLayoutItemLabel)]
     trees = [item.model().rootGroup() for item in items if isinstance(item, QgsLayoutItemLegend)]
-    texts += [str(node.customProperty("legend/title-label")) for tree in trees for node in tree.findLayers()]
+    texts += [node.name() for tree in trees for node in tree.findLayers()]
     atlas = layout.atlas()
     if atlas.coverageLayer() is not None:
         atlas.setEnabled(True)
