@@ -51,6 +51,11 @@ def groups_with(project: QgsProject, key: str, value: str | None = None) -> list
     return [group for group, of in opened if of and value in (None, str(of))]
 
 
+def is_in_tree(project: QgsProject, group: QgsLayerTreeGroup) -> bool:
+    """Whether a group is still in the layer panel; one that was removed is not asked, since it is gone."""
+    return any(group is other for other in project.layerTreeRoot().findGroups(True))  # noqa: FBT003
+
+
 def emptied_group(project: QgsProject, key: str, value: str, name: str) -> tuple[QgsLayerTreeGroup, int]:
     """A group for the layers of a result, without those that the plugin opened before, and the place for new ones.
 

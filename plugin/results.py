@@ -31,6 +31,7 @@ from .own_layers import (
     folder_of_layers,
     groups_with,
     hide_others,
+    is_in_tree,
     key_of,
     mark,
     nodes_by_key,
@@ -139,6 +140,8 @@ def opening(folder: str | Path, project: QgsProject | None = None) -> Generator[
     group, place = emptied_group(project, FOLDER_PROPERTY, str(folder), session_name(report, folder))
     hide_others(project, group, SHOWN_ALONE)
     for number, layer in enumerate(layers):
+        if not is_in_tree(project, group):  # removed by hand since the last step
+            raise NoResultsError(tr("The group of {folder} was removed while it was opened.").format(folder=folder))
         layer.setName(title_of(key_of(layer), worked=worked))
         project.addMapLayer(layer, addToLegend=False)
         node = QgsLayerTreeLayer(layer)

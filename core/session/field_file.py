@@ -65,7 +65,7 @@ class FieldFile:
                 outlines = [field.outline for field in read_fields(path)]
             except FurrowmapError as error:
                 if path.suffix.lower() != ".json":  # of which there are many kinds
-                    unused.append(Notice("recording-unused", file=name, what=error.what))
+                    unused.append(Notice("recording-unused", file=name, what=error.words("what")))
                 continue
             if flies:
                 unused.append(Notice("recording-unused.boundary-of-flight", file=name))

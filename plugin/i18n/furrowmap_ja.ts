@@ -880,6 +880,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Passes and events</source><translation>行程とイベント</translation></message>
   <message><source>Quality of the data</source><translation>データの品質</translation></message>
   <message><source>Surface and change</source><translation>地表面と変化</translation></message>
+  <message><source>The group of {folder} was removed while it was opened.</source><translation>{folder} を開いている間に、そのグループが削除されました。</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>{folder} has no {products} that QGIS can open. Choose the folder of a run.</source><translation>{folder} には QGIS で開ける {products} がありません。実行結果のフォルダを選択してください。</translation></message>
 </context>
