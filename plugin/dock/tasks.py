@@ -307,6 +307,8 @@ class BatchRunner(QObject):
         for known in json.loads(QgsSettings().value(DRIVES_KEY, "[]", str)):
             session, recordings, folder, state, text = (known.get(each.name) for each in fields(Drive))
             state = state if state in ENDED else CANCELLED
+            if state in WITH_RESULT and product(Path(folder), REPORT).is_file():
+                state, text = judged(Path(folder))  # in the language that QGIS has now
             self.drives.append(
                 Drive(Path(session), Path(recordings) if recordings else None, Path(folder), state, text)
             )

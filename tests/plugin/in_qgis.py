@@ -180,6 +180,8 @@ def options(job: dict[str, Any]) -> Any:
             page.chosen.setFilePath(press["chosen"])
         if press.get("button") == "create":
             page.create()  # what the button does when the question was answered
+        elif press.get("button") == "remove":
+            page.remove()  # likewise
         elif press.get("button"):
             page.findChild(QPushButton, press["button"]).click()
         until = time.monotonic() + 120

@@ -280,7 +280,7 @@ def worker_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "nothing created": {"do": "find"},
         "create": {"do": "options", "press": [{"wheels": str(folder / "wheels"), "button": "create"}]},
         "created": {"do": "find"},
-        "remove": {"do": "options", "press": [{"button": "furrowmapRemove"}]},
+        "remove": {"do": "options", "press": [{"button": "remove"}]},
         "removed": {"do": "find"},
         "choose crashing": {"do": "settings", "interpreter": crashing},
         "crashing": run("inspect", FILES=[str(folder / "recording.pcap")]),
