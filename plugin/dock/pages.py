@@ -27,7 +27,7 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
-from ..figures import figures_html, localized, texts_above, verdict_html
+from ..figures import figures_html, localized, object_in, texts_above, verdict_html
 from ..processing.description import COMMAND_OPTIONS
 from ..products import product
 from ..results import read_report, session_name, theme_words
@@ -349,10 +349,11 @@ class ResultPage(QWidget):
         above = texts_above(report)
         others = [w for w in report.get("warnings") or [] if isinstance(w, dict) and w.get("text") not in above]
         texts = [str(localized(warning, "text") or "") for warning in others]
-        first = texts[: max(0, MOST_ABOVE - len(above))]
+        findings = object_in(report, "verdict").get("findings") or []
+        first = texts[: max(1, MOST_ABOVE - len(findings))]
         rest = texts[len(first) :]
         page = f"<h3>{name}</h3>{verdict_html(report, warning_colour(self))}{_list_html(first)}"
-        if rest and first:
+        if rest:
             more = self.tr("{count} more warnings below the figures").format(count=len(rest))
             page += f"<p><a href='#warnings'>{more}</a></p>"
         page += f"<table>{figures_html(report)}</table>"
