@@ -51,12 +51,13 @@ ALLOWED = {
     ("plugin/dock/base_map_chooser.py", "text.format"): "a translation of the plugin",
     ("plugin/dock/dock.py", "text.format"): "a translation of the plugin",
     ("plugin/dock/session_page.py", "several.format"): "a translation of the plugin",
-    ("plugin/dock/session_page.py", "text.format"): "a translation of the plugin",
+    ("plugin/dock/places.py", "words.format"): "a translation of the plugin",
     ("plugin/figures.py", "form.format"): "forms that the module states",
     ("plugin/figures.py", "text.format"): "a translation of the plugin",
     ("plugin/figures.py", "words.format"): "a translation of the plugin",
     ("plugin/legends.py", "words.format"): "a translation of the plugin",
     ("plugin/options_page.py", "text.format"): "a translation of the plugin",
+    ("plugin/processing/algorithm.py", "group.format"): "a translation of the plugin",
 }
 TEMPLATES = {"tr", "self.tr", "QCoreApplication.translate", "SQL"}
 """Functions whose results are texts of the product: translations, and psycopg's SQL, which quotes."""
