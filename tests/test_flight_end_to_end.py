@@ -143,7 +143,11 @@ def test_strips__number_the_points_and_agree_once_the_mounting_is_found(
     assert poses["sigma_after_m"][2] < 0.8 * poses["sigma_before_m"][2]
     cells = gpd.read_file(result.path / "field.gpkg", layer="strip_differences")
     assert np.sqrt(np.mean(cells.after_m**2)) == pytest.approx(told["after"]["rms_m"], abs=2e-4)
-    assert "Strips against each other" in (result.path / "report.html").read_text(encoding="utf-8")
+    page = (result.path / "report.html").read_text(encoding="utf-8")
+    assert "Strips against each other" in page
+    assert "parcels measured.</b>" in page
+    assert "The ground is mapped" not in page
+    assert "state of the tool unknown" not in page  # of an aircraft
 
 
 def test_ground__lies_below_the_crop(result: furrowmap.Result, shared_data: Path) -> None:

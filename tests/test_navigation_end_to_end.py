@@ -68,6 +68,19 @@ def test_trajectory__is_within_its_sigmas(flown: tuple[Path, furrowmap.Result]) 
     assert np.sqrt(np.mean(error[:, 3:5] ** 2, axis=0)).max() < 0.01
 
 
+@pytest.mark.parametrize(("language", "words"), [("en", "The trajectory is computed."), ("ja", "軌跡を計算しました。")])
+def test_report__of_an_aircraft_without_a_scanner_claims_neither_ground_nor_tool(
+    flown: tuple[Path, furrowmap.Result], tmp_path: Path, language: str, words: str
+) -> None:
+    _, result = flown
+    page = furrowmap.write_report_page(result.path, tmp_path / "page.html", language=language).read_text(
+        encoding="utf-8"
+    )
+    assert words in page
+    assert "The ground is mapped" not in page
+    assert "state of the tool unknown" not in page
+
+
 def test_biases__are_within_their_sigmas(flown: tuple[Path, furrowmap.Result]) -> None:
     folder, result = flown
     true = np.loadtxt(folder / "truth" / "imu_bias.csv", delimiter=",", skiprows=1)[:, 1:].mean(axis=0)

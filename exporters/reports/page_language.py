@@ -25,7 +25,7 @@ _SAID: Final = re.compile(r"⟦said (.*?)⟧")
 _AREA: Final = re.compile(r"⟦(?:area|rate) [^⟧]*⟧")
 _NO_BREAK: Final = "\u00a0"
 _UNITS_OF_FIGURES: Final = (
-    "%|mm²?|cm|m[²³]?|km|ha|acres?|a|(?:k?m|ha|a|acres?)/h|m/s|ms|s|min|h|kg/ha|点|秒|分|時間|行程"
+    "%|mm²?|cm|m[²³]?|km|ha|acres?|a|(?:k?m|ha|a|acres?)/h|m/s|ms|s|min|h|kg/ha|k?Hz|[kMG]B|点|秒|分|時間|行程"
 )
 _INSIDE_FIGURE: Final = re.compile(rf"(?<=\d) (?=±)|(?<=±) (?=\d)|(?<=\d) (?=(?:{_UNITS_OF_FIGURES})(?![A-Za-z0-9/]))")
 """The spaces of a figure, between value, ± and unit."""

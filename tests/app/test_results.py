@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import tomllib
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,7 +22,9 @@ from pyproj import CRS
 import furrowmap
 
 GPS_TO_UTC_S = 1e9 + 315_964_800 - 18  # of adjusted standard GPS time, with the leap seconds of 2026
-PROPERTIES = ["trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events"]
+LABELS = Path(furrowmap.__file__).resolve().parents[1] / "exporters" / "vectors" / "labels.toml"
+PROPERTIES = tomllib.loads(LABELS.read_text(encoding="utf-8"))["layers"]
+"""All layers that a run may write."""
 
 
 def present(result: furrowmap.Result) -> list[str]:
@@ -48,6 +51,15 @@ def test_layers__are_those_of_the_geopackage(result: furrowmap.Result) -> None:
         assert layer.geometry.geom_equals(expected.geometry).all()
     for name in present(result):
         assert getattr(result, name).equals(result.layers[name])
+
+
+@pytest.mark.parametrize("name", PROPERTIES)
+def test_layers__are_attributes_wherever_a_run_writes_them(name: str, result: furrowmap.Result, tmp_path: Path) -> None:
+    (tmp_path / "report.json").write_bytes((result.path / "report.json").read_bytes())
+    pyogrio.write_dataframe(result.trajectory, tmp_path / "field.gpkg", layer=name)
+    opened = furrowmap.open_result(tmp_path)
+    assert [*opened.layers] == [name]
+    assert len(getattr(opened, name)) == len(opened.layers[name]) == len(result.trajectory)
 
 
 def test_layers__of_other_names_are_refused(result: furrowmap.Result) -> None:

@@ -12,6 +12,7 @@ from furrowmap.core.coverage.field_surfaces import FieldPoints
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.image_frames import Frames
 from furrowmap.core.pipeline import preview_story as preview_story
+from furrowmap.core.pipeline.causes import by_cause, cause_of
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.file_names import resolved
@@ -112,7 +113,11 @@ def preview(
             "inputs": [{"name": name_from(root, one), "bytes": one.stat().st_size} for one in read],
             "figures": figures,
             "positions": found.located.positions,
-            "warnings": [{"code": notice.code, **notice.texts} for notice in found.notices],
+            "warnings": [
+                {"code": notice.code, **notice.texts, "follows": cause.code if cause is not None else None}
+                for notice in by_cause(found.notices)
+                for cause in [cause_of(notice, found.notices)]
+            ],
             "timings": found.timings_s,
             "products": sorted({PREVIEW_REPORT, *(path.name for path in staging.iterdir())}),
         }

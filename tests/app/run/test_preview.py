@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pyogrio
 import pytest
 import rasterio
+import tomli_w
 from numpy.typing import NDArray
 
 import furrowmap
@@ -39,6 +41,20 @@ def test_preview__is_a_track_and_a_surface(folder: Path) -> None:
     assert set(account["products"]).isdisjoint(RUN_PRODUCTS)
     assert account["figures"]["duration_s"] == pytest.approx(60.4, abs=0.2)
     assert "level-assumed" in {warning["code"] for warning in account["warnings"]}
+
+
+def test_preview__of_a_session_as_init_wrote_it_has_one_cause(loop: Path, tmp_path: Path) -> None:
+    """What is not entered comes first; what follows from it stands behind it."""
+    text = (loop / "session.toml").read_text(encoding="utf-8")
+    stated = tomllib.loads(text)
+    bare = {name: stated[name] for name in ("furrowmap", "recording", "crs")}
+    for name in ("recording.pcap.gz", "gnss.nmea"):
+        shutil.copyfile(loop / name, tmp_path / name)
+    (tmp_path / "session.toml").write_text(tomli_w.dumps(bare), encoding="utf-8")
+    warnings = furrowmap.preview(tmp_path / "session.toml", tmp_path / "out")["warnings"]
+    assert [(warning["code"], warning["follows"]) for warning in warnings[:1]] == [("mounting-identity", None)]
+    assert {warning["follows"] for warning in warnings[1:]} == {"mounting-identity"}
+    assert {"antenna-unknown", "level-assumed"} <= {warning["code"] for warning in warnings}
 
 
 def test_track__is_the_vehicles_within_its_lean(folder: Path, loop: Path) -> None:

@@ -29,10 +29,10 @@ def log_at(folder: Path, t_s: list[float]) -> NmeaLog:
 @pytest.mark.parametrize(
     ("t_s", "words"),
     [
-        (np.delete(np.arange(12.0), 6), "1 epochs are missing in 1 places, at a rate of 1 Hz; the longest gap has 2 s"),
+        (np.delete(np.arange(12.0), 6), "1 epochs are missing (gaps: 1), at a rate of 1 Hz; the longest gap has 2 s"),
         (np.delete(np.arange(11.0), 6), ""),
-        (np.delete(np.arange(40.0) / 5.0, [10, 11, 20]), "3 epochs are missing in 2 places, at a rate of 5 Hz"),
-        (np.delete(np.arange(60.0), [*range(5, 50, 5)]), "9 epochs are missing in 9 places"),
+        (np.delete(np.arange(40.0) / 5.0, [10, 11, 20]), "3 epochs are missing (gaps: 2), at a rate of 5 Hz"),
+        (np.delete(np.arange(60.0), [*range(5, 50, 5)]), "9 epochs are missing (gaps: 9)"),
         (np.delete(np.arange(60.0), [*range(2, 50, 3)]), ""),
         (np.arange(30.0), ""),
         (np.cumsum([1.0, 1.3, 0.7] * 10), ""),
