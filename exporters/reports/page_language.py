@@ -56,7 +56,7 @@ def chosen(page: str, language: str) -> str:
 
 
 def in_language(page: str, language: str) -> str:
-    """A page of ours in a language, which it states, its figures with plain spaces; areas in sentences may be marks.
+    """A page of ours in a language, which it states; areas in sentences may be marks.
 
     Raises ValueError if there is no such language.
     """
@@ -76,7 +76,7 @@ def in_language(page: str, language: str) -> str:
         text = texts.get(language, texts.get(ENGLISH, piece))
         return _AREA.sub(lambda area: figures.get(area[0], area[0]), text)
 
-    page = map_texts(_META.sub("", page, count=1).replace(_NO_BREAK, " "), shown)
+    page = map_texts(_META.sub("", page, count=1), shown)
     page = re.sub(r'<html lang="[a-z]+">', f'<html lang="{language}">', page, count=1)
     if not kept:
         return page
