@@ -113,16 +113,21 @@ def preview(
             "inputs": [{"name": name_from(root, one), "bytes": one.stat().st_size} for one in read],
             "figures": figures,
             "positions": found.located.positions,
-            "warnings": [
-                {"code": notice.code, **notice.texts, "follows": cause.code if cause is not None else None}
-                for notice in by_cause(found.notices)
-                for cause in [cause_of(notice, found.notices)]
-            ],
+            "warnings": _warnings(found),
             "timings": found.timings_s,
             "products": sorted({PREVIEW_REPORT, *(path.name for path in staging.iterdir())}),
         }
         (staging / PREVIEW_REPORT).write_text(json_text(account), encoding="utf-8")
     return account
+
+
+def _warnings(found: RunResult) -> list[dict[str, Any]]:
+    """What to do first comes first, each warning behind its cause."""
+    return [
+        {"code": notice.code, **notice.texts, "follows": cause.code if cause is not None else None}
+        for notice in by_cause(found.notices)
+        for cause in [cause_of(notice, found.notices)]
+    ]
 
 
 def _write_surface(folder: Path, land: FieldPoints, found: RunResult, origin: Origin) -> dict[str, float]:
