@@ -26,7 +26,11 @@ TABLES_OF_TEXTS = {
     "core/runtime/languages/texts.py",
 }
 """Files that make texts of a table, which has a test of its own: kinds of files, parts of messages, labels."""
+DOORS = {"unreadable", "_unreadable", "unusable", "unused", "_bad", "_invalid", "_bad_columns", "contradicting"}
+"""Functions that make an error of a reason."""
+PROSE = re.compile(r"[a-z]{2,} [a-z]{2,}")
 MAKERS = {"FurrowmapError", "UsageError", "InputError", "RefusedError", "Notice"}
+TAKE_REASONS = MAKERS | DOORS
 
 
 def sources() -> Iterator[tuple[str, tuple[ast.AST, ...]]]:
@@ -64,6 +68,26 @@ def test_texts__are_in_every_language_with_their_values() -> None:
                     for language in LANGUAGES[1:]:
                         assert names_in(texts_of(language).get(english, "")) == given, (name, call.lineno, english)
                         assert english in texts_of(language), (name, call.lineno, english)
+
+
+def test_reasons__are_texts_and_no_english_strings() -> None:
+    """What is given to messages, and to those that make errors of a door, is shown in the reader's language."""
+    for name, tree in sources():
+        for call in tree:
+            if isinstance(call, ast.Call) and ast.unparse(call.func) in TAKE_REASONS:
+                key = isinstance(call.func, ast.Name) and call.func.id in MAKERS
+                for given in [*call.args[key:], *(keyword.value for keyword in call.keywords)]:
+                    assert not [words for words in plain_strings(given) if PROSE.search(words)], (name, call.lineno)
+
+
+def plain_strings(node: ast.AST) -> Iterator[str]:
+    """The strings in an expression that are not those of a text."""
+    if isinstance(node, ast.Call) and ast.unparse(node.func) == "Text":
+        return
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+    for inner in ast.iter_child_nodes(node):
+        yield from plain_strings(inner)
 
 
 def test_texts__of_file_formats_are_in_every_language() -> None:

@@ -80,7 +80,7 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
     for k, cell in enumerate(table.columns[column]):
         key = _label(cell)
         if not key:
-            raise unreadable(f"line {table.lines[k]} has no {column}")
+            raise unreadable(Text("line {line} has no {column}", line=table.lines[k], column=column))
         if key in rows and not by_row:
             raise InputError("treatments-twice", path=path, lines=table.lines[k], column=column, key=key)
         row = rows.setdefault(key, {})
@@ -175,7 +175,9 @@ def read_measured(path: Path, measure: str, sites: Sequence[str] = ()) -> Measur
     wanted = measure.casefold()
     missing = [name for name in (wanted, *(name.casefold() for name in sites)) if name not in table.columns]
     if missing or not table.lines:
-        raise unreadable(f"no rows with the columns {', '.join(missing)} (its columns: {table.names})")
+        raise unreadable(
+            Text("no rows with the columns {missing} (its columns: {names})", missing=missing, names=table.names)
+        )
     labels = [" ".join(_label(table.columns[name.casefold()][k]) for name in sites) for k in range(len(table.lines))]
     cells = table.columns[column] if column is not None else [str(k + 1) for k in range(len(table.lines))]
     names = [f"{label} {cell.strip()}".strip() for label, cell in zip(labels, cells, strict=True)]

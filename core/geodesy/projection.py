@@ -34,7 +34,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.file_signatures import binary_kind
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file, name_of
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
@@ -314,7 +314,7 @@ def read_parameters(path: Path) -> ParameterFile:
     try:
         found = jgdtrans.par.loads(text.rstrip(), format=kind).parameter
     except Exception as error:  # noqa: BLE001 damage ends in errors of several families
-        raise _unreadable(path, str(error) or type(error).__name__) from None
+        raise _unreadable(path, reason(error)) from None
     codes = np.array(sorted(found), np.int64)
     rows = np.array([(p.longitude / 3600.0, p.latitude / 3600.0, p.altitude) for p in map(found.__getitem__, codes)])
     _check_corrections(path, rows)
@@ -326,23 +326,27 @@ def read_parameters(path: Path) -> ParameterFile:
 def _read_pos2jgd(path: Path, lines: list[str]) -> ParameterFile:
     head = {key.strip(): value.strip() for key, _, value in (line.partition("=") for line in lines if "=" in line)}
     if head.get("DATA_FIELDS", _POS2JGD_FIELDS) != _POS2JGD_FIELDS:
-        raise _unreadable(path, f"its fields are {head['DATA_FIELDS']}, not {_POS2JGD_FIELDS}")
+        raise _unreadable(
+            path, Text("its fields are {stated}, not {wanted}", stated=head["DATA_FIELDS"], wanted=_POS2JGD_FIELDS)
+        )
     if head.get("NATIONAL_DATUM") not in _POS2JGD_DATUMS:
-        raise _unreadable(path, f"its NATIONAL_DATUM is {head.get('NATIONAL_DATUM', 'not stated')}")
+        raise _unreadable(
+            path, Text("its NATIONAL_DATUM is {datum:{datum}|not stated}", datum=head.get("NATIONAL_DATUM"))
+        )
     days = []
     for key in ("START_OF_APPLICABLE_PERIOD", "END_OF_APPLICABLE_PERIOD"):
         try:
             days.append(dt.datetime.strptime(head.get(key, ""), "%Y%m%d").date())  # noqa: DTZ007 - a day of a calendar
         except ValueError:
-            raise _unreadable(path, f"its {key} is not a date such as 20230601") from None
+            raise _unreadable(path, Text("its {key} is not a date such as 20230601", key=key)) from None
     rows = [line.split() for line in lines if line[:8].isdigit()]
     if not rows or any(len(row) != 4 or len(row[0]) != 8 for row in rows):
-        raise _unreadable(path, "not every line after its header has a mesh code and three numbers")
+        raise _unreadable(path, Text("not every line after its header has a mesh code and three numbers"))
     try:
         values = np.array([[float(value) for value in row[1:]] for row in rows])
         codes = np.array([int(row[0]) for row in rows], np.int64)
     except ValueError as error:
-        raise _unreadable(path, str(error)) from None
+        raise _unreadable(path, reason(error)) from None
     north_deg = codes // 1_000_000 / 1.5
     east_deg = 100.0 + codes // 10_000 % 100
     on_islands = (north_deg < _IZU_DEG[1]) & (east_deg >= _IZU_DEG[0])

@@ -28,7 +28,7 @@ from furrowmap.core.images.ties import Ties, overlapping, seen_in, thin_ties, tr
 from furrowmap.core.readers.image_pixels import image_size
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
@@ -228,7 +228,7 @@ def aid_by_images(
         if control is not None and doubtful(controlled.adjusted) is None:
             controlled = with_control(block, controlled.adjusted, control, images, notices)
     except (np.linalg.LinAlgError, RuntimeError, ValueError) as error:
-        notices.append(unused(f"the adjustment failed ({error})"))
+        notices.append(unused(Text("the adjustment failed ({why})", why=reason(error))))
         return located, None
     progress("adjusting images", 1.0)
     adjusted = controlled.adjusted
@@ -340,7 +340,7 @@ def _ties(block: ImageBlock, features: Sequence[ImageFeatures], progress: Progre
     matches |= match_features(features, sorted(set(near) - set(following)), progress, shared)
     ties = thin_ties(_well_met(block, tracks(keypoints, matches)), size)
     if ties.points < MIN_TIE_POINTS:
-        return unused(f"they have {ties.points} points in common")
+        return unused(Text("they have {points} points in common", points=ties.points))
     return ties
 
 

@@ -60,12 +60,14 @@ def read_outline(folder: Path, unreadable: Callable[[Words], InputError]) -> sha
     try:
         lat_deg, lon_deg = (float(word) for word in lines[below].split(",")[:2])
     except (IndexError, ValueError):
-        raise unreadable(f"{ORIGIN_FILE} has no origin (StartFix)") from None
+        raise unreadable(Text("{name} has no origin (StartFix)", name=ORIGIN_FILE)) from None
     if not (abs(lat_deg) < 90.0 and abs(lon_deg) <= 180.0):
-        raise unreadable(f"{ORIGIN_FILE} has the origin {lat_deg:g}, {lon_deg:g}")
+        raise unreadable(
+            Text("{name} has the origin {lat_deg:g}, {lon_deg:g}", name=ORIGIN_FILE, lat_deg=lat_deg, lon_deg=lon_deg)
+        )
     rings = _rings(_lines(folder / BOUNDARY_FILE, unreadable), unreadable)
     if not rings:
-        raise unreadable(f"{BOUNDARY_FILE} has no boundary")
+        raise unreadable(Text("{name} has no boundary", name=BOUNDARY_FILE))
     origin = lon_deg, lat_deg
     outline, *holes = (_lon_lat(en_m, origin) for _, en_m in rings)
     kept = [hole for (through, _), hole in zip(rings[1:], holes, strict=True) if not through]
@@ -150,9 +152,18 @@ def _rings(lines: list[str], unreadable: Callable[[Words], InputError]) -> list[
             rows = [line.split(",")[:2] for line in lines[k + 1 : k + 1 + count]]
             en_m = np.array(rows, np.float64).reshape(-1, 2)
         except (IndexError, ValueError):
-            raise unreadable(f"{BOUNDARY_FILE} is damaged at {lines[min(k, len(lines) - 1)][:40]!r}") from None
+            raise unreadable(
+                Text("{name} is damaged at {text!r}", name=BOUNDARY_FILE, text=lines[min(k, len(lines) - 1)][:40])
+            ) from None
         if len(en_m) != count or not (np.abs(en_m) < _MAX_FROM_ORIGIN_M).all():
-            raise unreadable(f"{BOUNDARY_FILE} has {len(en_m)} corners of {count}, or corners far from the origin")
+            raise unreadable(
+                Text(
+                    "{name} has {there} corners of {count}, or corners far from the origin",
+                    name=BOUNDARY_FILE,
+                    there=len(en_m),
+                    count=count,
+                )
+            )
         if count > 2:
             rings.append((through, en_m))
         k += 1 + count

@@ -16,7 +16,7 @@ from furrowmap.core.readers.areas.repair import made_valid, whole_in_degrees
 from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, Unreadable
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
@@ -58,7 +58,7 @@ def read_fields(
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS and PROJ have no family of their own
-        raise unreadable(str(error) or type(error).__name__) from None
+        raise unreadable(reason(error)) from None
     if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
         raise InputError("boundary-datum", path=path, base=base.name, apart_m=apart)
     rows = zip(polygons.attributes, outlines, strict=True)

@@ -12,7 +12,7 @@ from pyproj.exceptions import CRSError, ProjError
 
 from furrowmap.core.readers.raster_neighbours import expect_no_links, with_checked_neighbours
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.memory import expect_memory
 from furrowmap.core.runtime.plain_reads import expect_plain_file
 from furrowmap.core.values.crs import crs_of_file
@@ -69,9 +69,7 @@ def open_geotiff(
             )
             yield raster
     except (RasterioError, CRSError, ProjError, ValueError) as error:
-        raise unusable(
-            path, Text("cannot be read as a GeoTIFF ({why})", why=" ".join(str(error).split())[:200])
-        ) from None
+        raise unusable(path, Text("cannot be read as a GeoTIFF ({why})", why=reason(error))) from None
 
 
 def short_keys(path: Path) -> dict[int, int]:
@@ -104,11 +102,19 @@ def expect_heights(raster: Any, path: Path, unusable: Callable[[Path, Words], In
         raise unusable(path, Text("holds {band!r} and no heights above a datum", band=band))
     shown = [kind.name for kind in raster.colorinterp]
     if shown[:3] == ["red", "green", "blue"] or shown[0] == "palette":
-        raise unusable(path, f"holds {'classes' if shown[0] == 'palette' else 'colours'} and no heights above a datum")
+        raise unusable(
+            path, Text("holds {classes:classes|colours} and no heights above a datum", classes=shown[0] == "palette")
+        )
     if band and not _HEIGHT_WORDS.search(band):
         heights = [k for k, name in enumerate(raster.descriptions, start=1) if name and _HEIGHT_WORDS.search(name)]
         if heights:
-            there = (
-                f"{band!r} in its first band and heights in band {heights[0]}, {raster.descriptions[heights[0] - 1]!r}"
+            raise unusable(
+                path,
+                Text(
+                    "has {band!r} in its first band and heights in band {number}, {name!r}; the first is read: write "
+                    "that band to a file of its own",
+                    band=band,
+                    number=heights[0],
+                    name=raster.descriptions[heights[0] - 1],
+                ),
             )
-            raise unusable(path, f"has {there}; the first is read: write that band to a file of its own")

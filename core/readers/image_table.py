@@ -14,6 +14,7 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out
+from furrowmap.core.runtime.languages.texts import reason
 from furrowmap.core.values.images import Images
 
 FILES: Final = ("file", "image", "filename", "name")
@@ -30,7 +31,7 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     try:
         data, _ = read_small(path, MAX_TABLE_BYTES, notices)
     except ValueError as error:
-        raise InputError("not-a-table", path=path, why=str(error)) from None
+        raise InputError("not-a-table", path=path, why=reason(error)) from None
     table = text_rows(data, path, notices)
     names = table.names
     cells = table.rows

@@ -140,8 +140,10 @@ class ImuCsv(FileReader):
             scale = file.time_scale
             if self.options.columns:
                 if units != UNITS_OF_FORMAT:
-                    what = "`imu.columns` states units and scales, and so do `imu.rate_unit` and the keys beside it"
-                    raise _bad_columns(what, "Leave the latter out.")
+                    what = Text(
+                        "`imu.columns` states units and scales, and so do `imu.rate_unit` and the keys beside it"
+                    )
+                    raise _bad_columns(what, Text("Leave the latter out."))
                 schema, scale = _stated_schema(file.written, self.options.columns, path)
             rows = file.rows(schema, "missing-column.of-measurements", "value-out-of-range.imu-columns")
         if len(schema) > len(IMU_SCHEMA):

@@ -18,7 +18,7 @@ from furrowmap.core.readers.geotiff import HEIGHT_BAND_NAME, expect_heights, ope
 from furrowmap.core.readers.vertical_keys import heights_by_keys, with_heights
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.languages.texts import Words
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.memory import expect_disk
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.height_units import expect_upward, in_metres, vertical_unit_m
@@ -127,7 +127,9 @@ def open_heights(path: Path, unusable: Callable[[Path, Words], InputError]) -> I
     with open_geotiff(path, unusable) as raster:
         expect_heights(raster, path, unusable)
         if raster.units[0] and _unit_m(raster.units[0]) is None:
-            raise unusable(path, f"states its heights in {raster.units[0]!r}, which is no known unit of length")
+            raise unusable(
+                path, Text("states its heights in {unit!r}, which is no known unit of length", unit=raster.units[0])
+            )
         scale = height_scale(raster, path)
         assert scale.crs is not None
         if scale.crs.is_geographic:

@@ -19,7 +19,7 @@ from furrowmap.core.readers.text_table import TextTable, column_names, is_spread
 from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer, said_by
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.values.crs import full_name_of
 from furrowmap.core.values.height_units import (
@@ -256,10 +256,10 @@ def _rows_of_layer(path: Path, otherwise: pyproj.CRS | None) -> _SurveyRows:
     except InputError as error:
         raise _unreadable(path, Text("cannot be read ({why:clause})", why=error.words("what"))) from None
     except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
-        why = str(error)[:200]
-        raise _unreadable(path, why if why.startswith("holds ") else Text("cannot be read ({why})", why=why)) from None
+        why = reason(error)
+        raise _unreadable(path, why if isinstance(why, Text) else Text("cannot be read ({why})", why=why)) from None
     if not any(shape is not None for shape in layer.shapes):
-        raise _unreadable(path, "holds no point")
+        raise _unreadable(path, Text("holds no point"))
     notices: list[Notice] = []
     cells = {name.strip().casefold(): list(map(_text, values.tolist())) for name, values in layer.columns.items()}
     table = TextTable(cells, list(range(1, 1 + len(layer))), decimal_comma=False)

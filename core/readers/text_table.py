@@ -28,7 +28,7 @@ from furrowmap.core.readers.text_encoding import decoded
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_signatures import binary_kind, file_kind
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.memory import expect_disk, expect_growth, expect_memory
 from furrowmap.core.runtime.plain_reads import open_plain
 
@@ -207,7 +207,7 @@ def read_table(path: Path, unreadable: Callable[[Words], InputError]) -> TextTab
             head = file.read(4)
         return _sheet(path, unreadable) if head in (ZIP, _OLE) else _parse_table(path)
     except (ValueError, OSError) as error:
-        raise unreadable(_reason(error)) from None
+        raise unreadable(reason(error)) from None
 
 
 def _sheet(path: Path, unreadable: Callable[[Words], InputError]) -> TextTable:
@@ -219,7 +219,7 @@ def _sheet(path: Path, unreadable: Callable[[Words], InputError]) -> TextTable:
             with zipfile.ZipFile(path) as archive:
                 whole = sum(file.file_size for file in archive.infolist())
         except Exception as error:  # noqa: BLE001 damage ends in errors of many families
-            raise unreadable(Text("it is a damaged spreadsheet ({why})", why=str(error)[:100])) from None
+            raise unreadable(Text("it is a damaged spreadsheet ({why})", why=reason(error, 100))) from None
         expect_growth(path, size, whole)
         expect_memory(path, _BYTES_PER_UNPACKED * whole)
     rows = [row for row in _sheet_rows(path) if any(cell.strip() for cell in row)]
@@ -312,6 +312,6 @@ def _sheet_rows(path: Path) -> list[list[str]]:
     try:
         return process.sheet(path, _MOST_SHEET_TEXT)
     except Undecodable as error:
-        raise ValueError(Text("it is a damaged or locked spreadsheet ({why})", why=str(error)[:100])) from None
+        raise ValueError(Text("it is a damaged or locked spreadsheet ({why})", why=reason(error, 100))) from None
     finally:
         process.close()

@@ -29,7 +29,7 @@ from furrowmap.core.readers.text_table import ZIP, number_or_text, unpacked_laye
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_signatures import binary_kind
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
 from furrowmap.core.values.crs import crs_of_file
@@ -320,7 +320,7 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     except InputError as error:
         raise unreadable(error.what.removeprefix(f"{path}: ").rstrip(".")) from None
     except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS and PROJ have no family of their own
-        raise unreadable(str(error) or type(error).__name__) from None
+        raise unreadable(reason(error)) from None
     polygons = layer.where(np.array([shape is not None for shape in layer.shapes], bool))
     left_out = others + len(layer) - len(polygons)
     if not len(polygons):
@@ -333,13 +333,17 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     if not np.isfinite(corners).all():
         raise unreadable(Text("a corner has coordinates that are not finite"))
     if len(corners) and np.abs(corners).max() > MAX_POLYGON_COORDINATE:
-        raise unreadable(f"a corner has the coordinate {np.abs(corners).max():g}, which is nowhere on the Earth")
+        raise unreadable(
+            Text(
+                "a corner has the coordinate {largest:g}, which is nowhere on the Earth", largest=np.abs(corners).max()
+            )
+        )
     if crs.is_geographic:
         expect_degrees(path, corners, crs, said_by(head))
     try:
         whole = tuple(workable(shapes.tolist(), crs))
     except ValueError as error:
-        raise unreadable(str(error)) from None
+        raise unreadable(reason(error)) from None
     dropped = [Notice("features-left-out", path=path.name, left_out=left_out)] if left_out else []
     return Polygons(whole, tuple(polygons.rows()), crs, (*polygons.notices, *dropped))
 

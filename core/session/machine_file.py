@@ -11,7 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.plain_reads import read_plain_text
 from furrowmap.core.session.session_file import FURTHER, MAX_PLACE_M, apart, implement_faults, parse_toml, together
 from furrowmap.core.values.machine import (
@@ -57,9 +57,14 @@ def parse_machine(text: str, name: str = "machine.toml") -> Machine:
     try:
         data = parse_toml(text)
     except tomllib.TOMLDecodeError as error:
-        raise _invalid(name, f"it is not valid TOML: {error}") from None
+        raise _invalid(name, Text("it is not valid TOML: {why}", why=reason(error))) from None
     if data.get("furrowmap_machine") != MACHINE_SCHEMA:
-        raise _invalid(name, f"it is no profile of a machine, which begins with furrowmap_machine = {MACHINE_SCHEMA}")
+        raise _invalid(
+            name,
+            Text(
+                "it is no profile of a machine, which begins with furrowmap_machine = {schema}", schema=MACHINE_SCHEMA
+            ),
+        )
     try:
         for table, further in FURTHER.items():
             if further in data:
@@ -73,7 +78,7 @@ def parse_machine(text: str, name: str = "machine.toml") -> Machine:
                 )
         machine = msgspec.convert(apart(data), Machine)
     except msgspec.ValidationError as error:
-        raise _invalid(name, str(error)) from None
+        raise _invalid(name, reason(error)) from None
     fault = _fault(msgspec.to_builtins(machine)) or next(implement_faults(machine.implements), "")
     if fault:
         raise _invalid(name, fault)

@@ -9,7 +9,7 @@ from furrowmap.core.readers.exif import exif_images
 from furrowmap.core.readers.image_table import read_image_table
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import MAX_ENTRIES, LeavesFolder, TooManyEntries, leads_out, matching, resolved
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.session import CameraSource
@@ -26,7 +26,7 @@ def camera_of(source: CameraSource) -> Camera:
         try:
             camera = Camera.from_colmap(size, source.model.upper(), source.params)
         except ValueError as error:
-            raise ValueError(f"camera.model: {error}") from None
+            raise ValueError(Text("camera.model: {why}", why=reason(error))) from None
     else:
         missing = [f"camera.{name}" for name in PINHOLE if getattr(source, name) is None]
         if missing:
@@ -60,7 +60,7 @@ def camera_faults(source: CameraSource | None) -> Iterator[Words]:
     try:
         camera_of(source)
     except ValueError as error:
-        yield str(error)
+        yield reason(error)
 
 
 def camera_table(session_file: Path, source: CameraSource | None) -> Path | None:

@@ -18,7 +18,7 @@ from furrowmap.core.readers.raster_heights import HeightScale, height_scale
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import resolved
-from furrowmap.core.runtime.languages.texts import Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.rasters.cog import Band
 from furrowmap.exporters.rasters.windows import shared_cells, window
@@ -56,10 +56,10 @@ def surface_file(path: Path) -> SurfaceFile:
     """Read the metadata of a GeoTIFF with a CRS and square, north-up cells."""
     with open_geotiff(path, unusable) as raster:
         if raster.crs is None:
-            raise unusable(path, "has no CRS")
+            raise unusable(path, Text("has no CRS"))
         width, skew, _, skew2, height = raster.transform[:5]
         if skew or skew2 or height >= 0 or abs(width + height) > 1e-9 * width:
-            raise unusable(path, "has cells that are not square and north-up")
+            raise unusable(path, Text("has cells that are not square and north-up"))
         bands = tuple(
             Band(description or f"band {i}", unit or "", 0)
             for i, (description, unit) in enumerate(zip(raster.descriptions, raster.units, strict=True), start=1)
@@ -112,7 +112,7 @@ class OpenSurface:
                 if self.nearest is not None:
                     values[:, np.isnan(self.nearest.read(bands[0], **options).filled(np.nan))] = np.nan
             except RasterioError as error:
-                raise unusable(self.path, f"is damaged ({error})") from None
+                raise unusable(self.path, Text("is damaged ({why})", why=reason(error))) from None
             out[:, *shared.window_in(part)] = values
         return out
 

@@ -16,6 +16,7 @@ from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.sqlite_file import limited_steps
 from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.languages.texts import Text, reason
 from furrowmap.core.runtime.plain_reads import open_plain
 
 TILE_KINDS: Final = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}
@@ -77,13 +78,15 @@ def open_background(path: Path) -> BackgroundMap:
         elif head.startswith(b"PMTiles\3"):
             found, first = _pmtiles(path)
         else:
-            raise InputError("live-map", path=path, fault="it is neither")
+            raise InputError("live-map", path=path, fault=Text("it is neither"))
     except (OSError, sqlite3.Error, ValueError, TypeError, KeyError, IndexError, OverflowError, EOFError) as error:
-        raise InputError("live-map", path=path, fault=str(error) or type(error).__name__) from None
+        raise InputError("live-map", path=path, fault=reason(error)) from None
     if not kind_of(first):
-        raise InputError("live-map", path=path, fault="its tiles are no PNG, JPEG or WebP images")
+        raise InputError("live-map", path=path, fault=Text("its tiles are no PNG, JPEG or WebP images"))
     if not 0 <= found.zooms[0] <= found.zooms[1] <= MAX_ZOOM:
-        raise InputError("live-map", path=path, fault=f"zooms {found.zooms[0]} to {found.zooms[1]}")
+        raise InputError(
+            "live-map", path=path, fault=Text("zooms {first} to {last}", first=found.zooms[0], last=found.zooms[1])
+        )
     return found
 
 

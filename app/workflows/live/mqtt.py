@@ -8,7 +8,7 @@ from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
 from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.supervised import SupervisedThread
 
 PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
@@ -77,7 +77,7 @@ class MqttOutlet:
                 pause_s = 1.0
             except (OSError, ValueError) as error:  # ValueError: of names and of what a broker answers
                 self._is_connected = False
-                self._lost(getattr(error, "strerror", None) or str(error) or type(error).__name__)
+                self._lost(reason(error))
                 pause_s = min(2.0 * pause_s, MAX_RECONNECT_S)
             self.thread.stopping.wait(pause_s)
 

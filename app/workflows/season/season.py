@@ -18,6 +18,7 @@ from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.file_names import is_file_name, read_own, resolved
 from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs import name_of
@@ -178,7 +179,10 @@ def _common_bands(surfaces: Sequence[SurfaceFile]) -> tuple[Band, ...]:
     last = surfaces[-1].bands
     for surface in surfaces:
         if last[0].description not in {band.description for band in surface.bands}:
-            raise unusable(surface.path, f"has no band '{last[0].description}', as {surfaces[-1].path} has")
+            raise unusable(
+                surface.path,
+                Text("has no band {band!r}, as {other} has", band=last[0].description, other=surfaces[-1].path),
+            )
     names = [{band.description for band in surface.bands} for surface in surfaces]
     return tuple(band for band in last if all(band.description in own for own in names))
 

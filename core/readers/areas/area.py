@@ -20,7 +20,7 @@ from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, Unreadable
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.languages.texts import Words
+from furrowmap.core.runtime.languages.texts import Words, reason
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
@@ -40,7 +40,7 @@ def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001 the errors of GEOS and PROJ have no family of their own
-        raise unreadable(str(error) or type(error).__name__) from None
+        raise unreadable(reason(error)) from None
     return replace(polygons, shapes=tuple(shapes), crs=target)
 
 

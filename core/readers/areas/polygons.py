@@ -18,7 +18,7 @@ from furrowmap.core.readers.isoxml.content import is_task_data, open_task_sets, 
 from furrowmap.core.readers.text_table import column_names, is_spreadsheet, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable, read_polygons
 from furrowmap.core.runtime.file_names import resolved
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, reason
 
 _LONGITUDES: Final = CRS.from_epsg(4326)
 IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
@@ -57,7 +57,7 @@ def _of_agopengps(folder: Path, unreadable: Unreadable) -> Polygons:
     try:
         return Polygons((repaired(outline),), ({"name": resolved(folder).name},), _LONGITUDES)
     except ValueError as error:
-        raise unreadable(str(error)) from None
+        raise unreadable(reason(error)) from None
 
 
 def _of_task_data(path: Path, unreadable: Unreadable) -> Polygons:
@@ -132,4 +132,4 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
     try:
         return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, table.notices)
     except ValueError as error:
-        raise unreadable(str(error)) from None
+        raise unreadable(reason(error)) from None

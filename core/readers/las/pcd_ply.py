@@ -18,6 +18,7 @@ from furrowmap.core.readers.las.header import MAX_COORDINATE
 from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.languages.texts import reason
 from furrowmap.core.runtime.memory import expect_memory
 
 TABLE_SIGNATURES: Final = {
@@ -205,7 +206,7 @@ def read_table(path: Path, data: bytes) -> PointTable | None:
     try:
         return _pcd(data) if form == "pcd" else _ply(data)
     except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
-        raise InputError("bad-table-header", path=path, title=form.upper(), reason=str(error)[:100]) from None
+        raise InputError("bad-table-header", path=path, title=form.upper(), reason=reason(error, 100)) from None
 
 
 def _lines(data: bytes, last: str) -> tuple[list[list[str]], int]:

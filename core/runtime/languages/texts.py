@@ -100,10 +100,13 @@ def in_language(value: Value, language: str) -> object:
     return value.in_language(language) if isinstance(value, Text) else value
 
 
-def reason(error: Exception) -> Words:
-    """What an exception was raised with, in words; a text of the product stays one."""
+def reason(error: BaseException, most: int = 200) -> Words:
+    """What an exception was raised with, in words; a text of the product stays one, others have `most` characters."""
     said = error.args[0] if len(error.args) == 1 else None
-    return said if isinstance(said, Text) else str(error)
+    if isinstance(said, Text):
+        return said
+    named = error.strerror if isinstance(error, OSError) else None
+    return " ".join((named or str(error) or type(error).__name__).split())[:most]
 
 
 def filled(template: str, values: Mapping[str, str | bool | None], language: str) -> str:
