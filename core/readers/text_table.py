@@ -202,7 +202,7 @@ def read_table(path: Path, unreadable: Callable[[Words], InputError]) -> TextTab
     """
     try:
         if not path.is_file() and path.exists():  # reading a pipe would wait for ever
-            raise unreadable("it is no file")
+            raise unreadable(Text("it is no file"))
         with open_plain(path) as file:
             head = file.read(4)
         return _sheet(path, unreadable) if head in (ZIP, _OLE) else _parse_table(path)

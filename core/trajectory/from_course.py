@@ -17,6 +17,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.trajectory.smoothing import smooth_path, white_noise
 from furrowmap.core.trajectory.used_positions import UsedPositions, sigmas_m, without_jumps
 from furrowmap.core.values.gnss import GnssTrack
@@ -86,7 +87,10 @@ def trajectory_from_course(
 def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:
     if used.sum() < MIN_COURSE_POSITIONS:
         raise InputError(
-            "gnss-no-positions.few-usable", source=track.source or "The log", used=int(used.sum()), track=len(track)
+            "gnss-no-positions.few-usable",
+            source=track.source or Text("The log"),
+            used=int(used.sum()),
+            track=len(track),
         )
 
 

@@ -54,6 +54,7 @@ def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:
     try:
         from openpyxl import Workbook
         from openpyxl.styles import Font
+        from openpyxl.worksheet._writer import ALL_TEMP_FILES
     except ImportError:
         return
     book = Workbook()
@@ -68,5 +69,10 @@ def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:
             head.font = Font(bold=True)
             sheet.column_dimensions[head.column_letter].width = max(10, len(str(head.value)) + 2)
         sheet.freeze_panes = "A2"
-    with atomic_output(path) as unfinished:
-        book.save(unfinished)
+    try:
+        with atomic_output(path) as unfinished:
+            book.save(unfinished)
+    except BaseException:
+        for name in ALL_TEMP_FILES:  # openpyxl itself removes those of a failed write when the process ends
+            Path(name).unlink(missing_ok=True)
+        raise
