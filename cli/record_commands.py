@@ -148,5 +148,5 @@ def _viewer(folder: Path) -> Iterator[None]:
 def _numbers(text: str) -> tuple[int, ...]:
     found = numbers(text)
     if not found or any(port % 1.0 or not 0 < port < 1 << 16 for port in found):
-        raise UsageError("usage.no-list", option="--ports", text=text, wanted="UDP ports separated by commas")
+        raise UsageError("usage.no-list", option="--ports", text=text, wanted=Text("UDP ports separated by commas"))
     return tuple(map(int, found))
