@@ -219,7 +219,7 @@ def _sheet(path: Path, unreadable: Callable[[Words], InputError]) -> TextTable:
             with zipfile.ZipFile(path) as archive:
                 whole = sum(file.file_size for file in archive.infolist())
         except Exception as error:  # noqa: BLE001 damage ends in errors of many families
-            raise unreadable(Text("it is a damaged spreadsheet ({why})", why=reason(error, 100))) from None
+            raise unreadable(Text("it is a damaged spreadsheet ({why})", why=reason(error))) from None
         expect_growth(path, size, whole)
         expect_memory(path, _BYTES_PER_UNPACKED * whole)
     rows = [row for row in _sheet_rows(path) if any(cell.strip() for cell in row)]
@@ -312,6 +312,6 @@ def _sheet_rows(path: Path) -> list[list[str]]:
     try:
         return process.sheet(path, _MOST_SHEET_TEXT)
     except Undecodable as error:
-        raise ValueError(Text("it is a damaged or locked spreadsheet ({why})", why=reason(error, 100))) from None
+        raise ValueError(Text("it is a damaged or locked spreadsheet ({why})", why=reason(error))) from None
     finally:
         process.close()

@@ -161,7 +161,7 @@ class E57Points(PointTable):
                     for column in _columns(pages, scan):
                         yield batch_of_rows(scan.rows(column, self.row))
                 except _E57_FAULTS as error:
-                    raise InputError("points-damaged.e57", path=path, reason=reason(error, 100)) from None
+                    raise InputError("points-damaged.e57", path=path, reason=reason(error)) from None
 
 
 def read_e57(path: Path) -> E57Points:
@@ -180,7 +180,7 @@ def read_e57(path: Path) -> E57Points:
         if bits > 8 * path.stat().st_size:
             raise ValueError(f"its points take {bits // 8:,} bytes, more than it has")
     except _E57_FAULTS as error:
-        raise InputError("bad-table-header", path=path, title="E57", reason=reason(error, 100)) from None
+        raise InputError("bad-table-header", path=path, title="E57", reason=reason(error)) from None
     coloured = any(field.name == "colorRed" for scan in scans for field in scan.fields)
     row = np.dtype(_PLACE + _COLOURS * coloured)
     return E57Points("e57", row, sum(scan.points for scan in scans), 0, "e57", page_bytes, scans)

@@ -206,7 +206,7 @@ def read_table(path: Path, data: bytes) -> PointTable | None:
     try:
         return _pcd(data) if form == "pcd" else _ply(data)
     except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
-        raise InputError("bad-table-header", path=path, title=form.upper(), reason=reason(error, 100)) from None
+        raise InputError("bad-table-header", path=path, title=form.upper(), reason=reason(error)) from None
 
 
 def _lines(data: bytes, last: str) -> tuple[list[list[str]], int]:

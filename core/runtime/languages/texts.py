@@ -55,6 +55,8 @@ Words: TypeAlias = str | Text
 """What can stand in a sentence: a name that is the same in every language, or a text of the product."""
 Value: TypeAlias = str | bool | int | float | Text | tuple[str | int | float | Text, ...] | None
 """A value of a text: a number in the unit that its name states, a text, a list, or the condition of a choice."""
+MOST_REASON: Final = 200
+"""Characters of what another library says."""
 CLAUSE: Final = "clause"
 """The format of a hole for a sentence without its full stop."""
 LIST_STYLES: Final = {
@@ -100,13 +102,13 @@ def in_language(value: Value, language: str) -> object:
     return value.in_language(language) if isinstance(value, Text) else value
 
 
-def reason(error: BaseException, most: int = 200) -> Words:
-    """What an exception was raised with, in words; a text of the product stays one, others have `most` characters."""
+def reason(error: BaseException) -> Words:
+    """What an exception was raised with, in words; a text of the product stays one, others are short."""
     said = error.args[0] if len(error.args) == 1 else None
     if isinstance(said, Text):
         return said
     named = error.strerror if isinstance(error, OSError) else None
-    return " ".join((named or str(error) or type(error).__name__).split())[:most]
+    return " ".join((named or str(error) or type(error).__name__).split())[:MOST_REASON]
 
 
 def filled(template: str, values: Mapping[str, str | bool | None], language: str) -> str:
