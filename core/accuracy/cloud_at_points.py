@@ -16,7 +16,9 @@ from furrowmap.core.accuracy.point_check import (
     find_swath_key,
     swath_numbers,
 )
+from furrowmap.core.pointclouds.disc_targets import SEARCH_DIAMETERS, find_disc
 from furrowmap.core.pointclouds.joined_clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_to_measure
+from furrowmap.core.pointclouds.local_plane import MAX_PLANE_SLOPE, PLANE_RADIUS_M, local_plane
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
@@ -24,79 +26,8 @@ from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 
-STEP_SHARE: Final = 0.15
-"""Spacing of the search grid, in disc diameters."""
-MIN_DISC_RETURNS: Final = 8
-MIN_CONTRAST_ERRORS: Final = 6.0
-"""Least contrast of a disc, in standard errors from the variation of the ground."""
-MIN_CONTRAST_SIGMAS: Final = 2.0
-"""And in standard deviations of the brightness of the ground."""
-FINE_SHARE: Final = 0.6
-FINE_STEPS: Final = 61
-"""Extent of the fine search in radii, and its steps along each axis."""
-
-
-def find_disc(xy_m: FloatArray, brightness: FloatArray, diameter_m: float, search_m: float) -> FloatArray | None:
-    """Centre (2,) of a disc that is brighter or darker than the ground around it; None where none is found.
-
-    A grid search for the greatest contrast between the disc and the ring around it, then a fit of its edge. Places (n,
-    2) of the returns are relative to the expected centre, from which it lies within `search_m`; brightness (n,) is
-    intensity or luminance.
-    """
-    radius = 0.5 * diameter_m
-    steps = np.arange(-search_m, search_m + 1e-9, STEP_SHARE * diameter_m)
-    places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    places = places[np.hypot(*places.T) <= search_m]
-    best = None
-    surest = MIN_CONTRAST_ERRORS
-    for place in places:
-        contrast = _contrast(np.hypot(*(xy_m - place).T), brightness, radius)
-        if contrast is not None and abs(contrast) > surest:
-            best = place
-            surest = abs(contrast)
-    return _centred(xy_m, brightness, best, radius) if best is not None else None
-
-
-def _contrast(distance_m: FloatArray, brightness: FloatArray, radius_m: float) -> float | None:
-    """Difference of the means of disc and ring in standard errors; None with too few returns or too little contrast."""
-    inside = brightness[distance_m < 0.9 * radius_m]
-    around = brightness[(distance_m > 1.1 * radius_m) & (distance_m < 2.0 * radius_m)]
-    if min(len(inside), len(around)) < MIN_DISC_RETURNS:
-        return None
-    difference = float(inside.mean() - around.mean())
-    uneven = float(around.std()) + 1e-9 * (1.0 + abs(float(around.mean())))
-    if abs(difference) < MIN_CONTRAST_SIGMAS * uneven:
-        return None
-    return difference / (uneven * float(np.sqrt(1.0 / len(inside) + 1.0 / len(around))))
-
-
-def _centred(xy_m: FloatArray, brightness: FloatArray, middle: FloatArray, radius_m: float) -> FloatArray:
-    """Centre of the disc whose edge best parts brighter and darker returns; the mean of equally good ones."""
-    distance = np.hypot(*(xy_m - middle).T)
-    inside = float(np.median(brightness[distance < 0.8 * radius_m]))
-    around = float(np.median(brightness[(distance > 1.2 * radius_m) & (distance < 2.0 * radius_m)]))
-    near = distance < 2.5 * radius_m
-    own = np.where(np.abs(brightness[near] - inside) < np.abs(brightness[near] - around), 1.0, -1.0)
-    steps = np.linspace(-FINE_SHARE, FINE_SHARE, FINE_STEPS) * radius_m
-    places = middle + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    apart = np.hypot(*(xy_m[near][:, None] - places[None]).transpose(2, 0, 1))
-    score = own @ (apart < radius_m)
-    return np.asarray(places[score >= score.max() - 0.5].mean(axis=0), np.float64)
-
-
 Targets = Literal["none", "intensity", "colour"]
 
-PLANE_RADIUS_M: Final = 0.25
-"""Radius of the returns to which the plane at a point is fitted."""
-MAX_PLANE_SLOPE: Final = 0.5
-"""A steeper plane is an edge, where the height depends on the position."""
-MIN_PLANE_RETURNS: Final = 6
-PLANE_OUTLIER_SIGMAS: Final = 3.5
-"""Outlier threshold, in robust standard deviations."""
-SPACINGS: Final = 2.0
-"""Side of the cells in which returns are compared, in mean point spacings."""
-SEARCH_DIAMETERS: Final = 3.0
-"""Search radius of a target, in its diameters."""
 LUMINANCE: Final = np.array([0.299, 0.587, 0.114])
 """Of red, green and blue, after ITU-R BT.601."""
 
@@ -243,56 +174,3 @@ def _swath_heights(xyz_m: FloatArray, swath: NDArray[np.int64], base_m: float) -
         float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan"),
         max(plane.range_m for _, plane in known),
     )
-
-
-@dataclass(frozen=True)
-class LocalPlane:
-    """A plane through n returns: its rise to the east and north, places (n, 2) relative to the point, and residuals."""
-
-    height_m: float
-    slope: tuple[float, float]
-    xy_m: FloatArray
-    above_m: FloatArray
-
-    @property
-    def steepness(self) -> float:
-        """Slope as a ratio."""
-        return float(np.hypot(*self.slope))
-
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom of the fit."""
-        return len(self.above_m) - 3
-
-    @property
-    def range_m(self) -> float:
-        """Greatest difference of residuals within a cell of two mean point spacings, where relief is negligible."""
-        radius_m = float(np.hypot(*self.xy_m.T).max())
-        side_m = SPACINGS * radius_m * np.sqrt(np.pi / len(self.above_m))
-        column, row = np.floor(self.xy_m / side_m).astype(np.int64).T
-        cell = np.unique(column * (1 << 32) + row, return_inverse=True)[1]
-        low = np.full(cell.max() + 1, np.inf)
-        high = np.full(cell.max() + 1, -np.inf)
-        np.minimum.at(low, cell, self.above_m)
-        np.maximum.at(high, cell, self.above_m)
-        return float((high - low).max())
-
-
-def local_plane(xyz_m: FloatArray) -> LocalPlane | None:
-    """Plane through returns (n, 3) around 0, 0, refitted once without outliers.
-
-    None with too few returns, or where they do not lie on all sides.
-    """
-    keep = np.ones(len(xyz_m), bool)
-    for _ in range(2):
-        if keep.sum() < MIN_PLANE_RETURNS:
-            return None
-        x, y, z = xyz_m[keep].T
-        (height, east, north), _, rank, _ = np.linalg.lstsq(np.column_stack([np.ones(len(x)), x, y]), z, rcond=1e-6)
-        if rank < 3 or min(x.max(), -x.min(), y.max(), -y.min()) <= 0.0:
-            return None
-        above = xyz_m[:, 2] - height - east * xyz_m[:, 0] - north * xyz_m[:, 1]
-        used = keep
-        scatter = 1.4826 * float(np.median(np.abs(above[keep])))
-        keep = np.abs(above) <= max(PLANE_OUTLIER_SIGMAS * scatter, 1e-3)
-    return LocalPlane(float(height), (float(east), float(north)), xyz_m[used, :2], above[used])

@@ -9,10 +9,10 @@ import pytest
 import rasterio
 from pyproj import CRS
 
-from furrowmap.core.accuracy.cloud_at_points import local_plane
 from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.accuracy.product_check import Component
 from furrowmap.core.geodesy.coordinates import check_datum
+from furrowmap.core.pointclouds.local_plane import local_plane
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.trajectory.used_positions import jumps
 from furrowmap.core.trajectory.vehicle_motion import _runs
