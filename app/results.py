@@ -189,6 +189,8 @@ class Result:
     """Ground seen by each straight pass of a flight."""
     strip_differences = ResultLayer()
     """Differences in height between the strips of a flight."""
+    control_points = ResultLayer()
+    """Surveyed points that correct the run or check it, with the cloud's residuals."""
     parcels = ResultLayer()
     """Parcels of a trial, with height and volume of the crop."""
     planes = ResultLayer()

@@ -67,7 +67,7 @@ THEMES = {
     "passes": (*_ALWAYS, "events", "overlaps", "passes"),
     "crops": (*_ALWAYS, "parcels", "crop_height"),
     "surface": (*_ALWAYS, "change", "zones", "tool_path"),
-    "quality": ("trajectory", "boundary", "strip_differences", "swaths", "dsm"),
+    "quality": ("control_points", "trajectory", "boundary", "strip_differences", "swaths", "dsm"),
 }
 """Layers of a run that are seen together."""
 KNOWN_AT_THE_END = ("coverage", "misses", "unworked", "change")

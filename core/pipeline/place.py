@@ -24,7 +24,7 @@ from furrowmap.core.pipeline.scanners import (
     further_recordings,
     together,
 )
-from furrowmap.core.pipeline.solution import FirstGuess, Solution, StopWatch, ground_scale, run_result
+from furrowmap.core.pipeline.solution import Corrector, FirstGuess, Solution, StopWatch, ground_scale, run_result
 from furrowmap.core.pointclouds.placed_scans import PLACED_AHEAD, PlacedScan, Placement, Placer, place_scans
 from furrowmap.core.readers.areas.area import nothing_within
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead, behind
@@ -37,6 +37,7 @@ from furrowmap.core.values.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from furrowmap.core.images.image_frames import Frames
+    from furrowmap.core.matching.relative_mounting import RelativeMounting
 
 
 class OpenSink(Protocol):
@@ -61,6 +62,7 @@ def place(
     open_sink: OpenSink,
     watch: StopWatch,
     progress: Progress,
+    corrector: Corrector | None = None,
 ) -> RunResult:
     """Place every point and hand it to the sink; find the implement and the ground worked.
 
@@ -69,6 +71,9 @@ def place(
     """
     machine = solution.implement.learn(solution.located.trajectory)
     watch.lap("implement")
+    if corrector is not None:
+        solution = corrector.corrected(solution, machine, progress)
+        watch.lap("control")
     further = _further_scanners(opened, solution, progress)
     if further:
         watch.lap("scanners")
@@ -86,16 +91,19 @@ def place(
         *solution.mounting_notices,
     ]
     watch.lap("work")
-    result = run_result(opened, solution.located, placement, work, solution.lidar.clocks, notices, watch)
     return replace(
-        result,
+        run_result(opened, solution.located, placement, work, solution.lidar.clocks, notices, watch),
         matched=solution.matched,
         image_aid=solution.guess.aid,
-        further_scanners={
-            lidar.name: one.found for lidar, one in zip(opened.session.further_lidars, further, strict=True)
-        },
+        control=solution.control,
+        further_scanners=_mountings(opened, further),
         **vars(solution.flight),
     )
+
+
+def _mountings(opened: OpenSession, further: Sequence[FurtherRecording]) -> dict[str, RelativeMounting]:
+    """The mounting of each scanner but the first, by its name."""
+    return {lidar.name: one.found for lidar, one in zip(opened.session.further_lidars, further, strict=True)}
 
 
 def _notices_before(solution: Solution) -> tuple[Notice, ...]:

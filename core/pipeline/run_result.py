@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from furrowmap.core.images.image_aiding import ImageAid
     from furrowmap.core.matching.matched import Matched
     from furrowmap.core.matching.relative_mounting import RelativeMounting
+    from furrowmap.core.pipeline.control.control_points import ControlResult
 
 MIN_LEVER_TURN_DEG: Final = 45.0
 """A vehicle that turns by less takes a wrong lever arm with it: all it does is to shift the map."""
@@ -50,6 +51,7 @@ class RunResult:
         strip_differences: between them; None where no ground was seen by two.
         strip_adjustment: of the poses by the strips; None where these were not adjusted.
         image_aid: of the poses by images; None where these took no part.
+        control: what control points showed; None without any.
         further_scanners: mounting of each scanner but the first, by the name of the scanner.
         live: by how much a live session of the recording differed; None without one.
     """
@@ -69,6 +71,7 @@ class RunResult:
     strip_differences: StripDifferences | None = None
     strip_adjustment: StripAdjustment | None = None
     image_aid: ImageAid | None = None
+    control: ControlResult | None = None
     further_scanners: Mapping[str, RelativeMounting] = field(default_factory=dict)
     live: LiveDifference | None = None
 

@@ -33,8 +33,10 @@ from furrowmap.core.values.trajectory import Trajectory
 if TYPE_CHECKING:
     from furrowmap.core.images.image_aiding import ImageAid
     from furrowmap.core.images.image_features import ImageFeatures
+    from furrowmap.core.implement.machine_voxels import MachineVoxels
     from furrowmap.core.matching.matched import Matched
     from furrowmap.core.matching.session_match import MatchedSession
+    from furrowmap.core.pipeline.control.control_points import ControlResult
 
 ORIGIN_STEP_M: Final = 100.0
 """The local origin of the points is a multiple of this."""
@@ -85,6 +87,7 @@ class Solution:
         matched: the result of scan matching; None where the scans were not matched.
         mount_notices: about the file of a moving mount.
         mounting_notices: about the mounting that a flight shows.
+        control: what control points showed that corrected it; None without any.
     """
 
     guess: FirstGuess
@@ -98,6 +101,7 @@ class Solution:
     flight: FlightCalibration = field(default_factory=FlightCalibration)
     mount_notices: tuple[Notice, ...] = ()
     mounting_notices: tuple[Notice, ...] = ()
+    control: ControlResult | None = None
 
     def placer(self) -> Placer:
         """What places the points of the first scanner."""
@@ -113,6 +117,18 @@ class Checkpoint(Protocol):
 
     def save(self, found: MatchedSession) -> None:
         """Keep what matching found."""
+        ...
+
+
+class Corrector(Protocol):
+    """Corrects a solution by what is known of the ground, before points are placed by it."""
+
+    def expect_near(self, trajectory: Trajectory) -> None:
+        """Raise InputError if nothing lies where the drive goes that could correct it; called before the long work."""
+        ...
+
+    def corrected(self, solution: Solution, machine: MachineVoxels | None, progress: Progress) -> Solution:
+        """The solution with a corrected trajectory; `machine` is as the first scanner sees it."""
         ...
 
 

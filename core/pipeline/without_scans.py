@@ -18,6 +18,7 @@ from furrowmap.core.pipeline.solution import (
     with_doubtful_heights,
 )
 from furrowmap.core.pointclouds.placed_scans import Placement
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import located_without_lidar
@@ -52,6 +53,7 @@ def run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
         *files.field_notices,
         *in_field,
         *files.state_notices,
+        *(Notice("ground-control-no-scans", file=path.name) for path in (opened.inputs.ground_control,) if path),
         *work.notices,
     ]
     found = run_result(opened, located, placement, work, (), notices, watch)

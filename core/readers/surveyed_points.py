@@ -56,6 +56,8 @@ _HEIGHT_COLUMNS: Final = (
     "h_m", "height", "h", "z", "elevation", "elev", "height_m", "alt", "標高", "altitude", "elevation_m", "z_m",
     "altitude_m", "alt_m", "orthometric height", "orthometric_height", "höhe", "hoehe", *_ELLIPSOIDAL,
 )  # fmt: skip
+_ROLE_COLUMNS: Final = ("role", "point_role", "point_type", "gcp_type", "役割", "用途")
+"""Of a column that says which points are of control and which are to check."""
 _DEVIATION_COLUMNS: Final = (
     ("sigma_e_m", "sigma_e", "sd_e", "easting rms"),
     ("sigma_n_m", "sigma_n", "sd_n", "northing rms"),
@@ -69,11 +71,16 @@ _OTHER_HEIGHT_M: Final = 0.01
 
 @dataclass(frozen=True)
 class SurveyedPoints:
-    """n points (n, 3) in the CRS of a product, and the standard deviations that the survey states, nan without."""
+    """n points (n, 3) in the CRS of a product, and the standard deviations that the survey states, nan without.
+
+    Attributes:
+        role: of each, as the file writes it; empty where no column has roles.
+    """
 
     name: tuple[str, ...]
     xyz_m: FloatArray
     sigma_m: FloatArray
+    role: tuple[str, ...] = ()
     notices: tuple[Notice, ...] = ()
 
     def __len__(self) -> int:
@@ -110,7 +117,10 @@ def survey_of(path: Path, target: pyproj.CRS, options: SurveyOptions) -> Surveye
         raise nothing_within(area, Text("{points} points in {name}", points=len(survey), name=path.name), (east, north))
     names = tuple(name for name, inside in zip(survey.name, kept, strict=True) if inside)
     notices = (*survey.notices, *area.notices)
-    return replace(survey, name=names, xyz_m=survey.xyz_m[kept], sigma_m=survey.sigma_m[kept], notices=notices)
+    role = tuple(role for role, inside in zip(survey.role, kept, strict=False) if inside)
+    return replace(
+        survey, name=names, xyz_m=survey.xyz_m[kept], sigma_m=survey.sigma_m[kept], role=role, notices=notices
+    )
 
 
 def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -> SurveyedPoints:
@@ -143,6 +153,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     xyz = rows.xyz[whole]
     sigma = rows.sigma[whole]
     names = tuple(rows.names[k] for k in np.flatnonzero(whole))
+    roles = tuple(rows.roles[k] for k in np.flatnonzero(whole)) if rows.roles else ()
     if unit_m != 1.0:
         xyz = xyz * np.array([1.0, 1.0, unit_m])
         sigma = sigma * np.where(rows.sigma_metres, 1.0, unit_m)
@@ -160,7 +171,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         change = crs_change(flat, wanted, bounds_in(flat, xyz[:, :2]))
         xyz = np.column_stack([change.points(xyz[:, :2]), xyz[:, 2]])
         notices += change.notices
-    return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), tuple(notices))
+    return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), roles, tuple(notices))
 
 
 def _crs_of_rows(path: Path, rows: "_SurveyRows", stated: pyproj.CRS) -> pyproj.CRS:
@@ -220,6 +231,7 @@ class _SurveyRows:
     units_m: tuple[float | None, ...] = ()
     notices: tuple[Notice, ...] = ()
     said_by: SaidBy = "table"
+    roles: tuple[str, ...] = ()
 
 
 def _rows_of(path: Path, otherwise: pyproj.CRS | None = None) -> _SurveyRows:
@@ -290,7 +302,9 @@ def _rows_of_layer(path: Path, otherwise: pyproj.CRS | None) -> _SurveyRows:
     xyz[:, 2], about = _heights(path, xyz[:, 2], column, stated)
     sigma, in_metres = _sigmas(table)
     found = (*notices, *layer.notices, *about)
-    return _SurveyRows(labels, xyz, sigma[feature], sigma_metres=in_metres, crs=layer.crs, notices=found)
+    roles = _roles(table)
+    roles = tuple(roles[k] for k in feature) if roles else ()
+    return _SurveyRows(labels, xyz, sigma[feature], sigma_metres=in_metres, crs=layer.crs, notices=found, roles=roles)
 
 
 def _text(value: object) -> str:
@@ -352,8 +366,10 @@ def _rows_of_table(path: Path) -> _SurveyRows:
     notices = [*table.notices, *([Notice("heights-in-feet", unit_m=unit_m)] if unit_m not in (None, 1.0) else [])]
     units = () if degrees else tuple(table.unit_m(name) for name in place)
     sigma, in_metres = _sigmas(table)
+    about = tuple(notices)
+    metres = unit_m is not None
     return _SurveyRows(
-        _names(table), xyz, sigma, degrees, ellipsoidal, unit_m is not None, in_metres, None, units, tuple(notices)
+        _names(table), xyz, sigma, degrees, ellipsoidal, metres, in_metres, None, units, about, roles=_roles(table)
     )
 
 
@@ -380,6 +396,12 @@ def _names(table: TextTable) -> list[str]:
     """The names of points, their numbers without."""
     column = table.find(_NAME_COLUMNS)
     return [str(k) for k in range(1, len(table.lines) + 1)] if column is None else table.columns[column]
+
+
+def _roles(table: TextTable) -> tuple[str, ...]:
+    """What each point is for; empty without a column that says so."""
+    column = table.find(_ROLE_COLUMNS)
+    return () if column is None else tuple(text.strip() for text in table.columns[column])
 
 
 def _sigmas(table: TextTable) -> tuple[FloatArray, tuple[bool, ...]]:

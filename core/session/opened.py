@@ -85,6 +85,7 @@ class Inputs:
     geoid_grid: Path | None
     within: Path | None
     check_points: Path | None
+    ground_control: Path | None
 
     @classmethod
     def find(cls, session_file: Path, session: Session) -> "Inputs":
@@ -110,6 +111,7 @@ class Inputs:
             boundary=one(session.field.boundary),
             within=one(session.field.within),
             check_points=one(session.field.check_points),
+            ground_control=one(session.field.control_points),
             images=camera_table(session_file, camera),
             camera=several(camera.files if camera is not None and camera.topic is not None else ()),
             control_points=one(camera.control_points if camera is not None else None),

@@ -77,6 +77,7 @@ class Scene(NamedTuple):
         walls: (n, 9) east, north, cosine and sine of the direction, half length, half thickness, bottom, top,
             reflectivity.
         posts: (n, 5) east, north, radius, bottom, top.
+        discs: (n, 4) east, north, radius, reflectivity of targets that lie on the ground.
         body: (n, 6) boxes in the vehicle frame.
         tool: (n, 7) boxes in the vehicle frame, the tool in working position, and the column of the firings that has
             its height.
@@ -91,6 +92,7 @@ class Scene(NamedTuple):
     straw: FloatArray
     walls: FloatArray
     posts: FloatArray
+    discs: FloatArray
     body: FloatArray
     tool: FloatArray
     dust: FloatArray
@@ -216,6 +218,7 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
         straw,
         np.array(walls, np.float64).reshape(-1, 9),
         np.array(posts, np.float64).reshape(-1, 5),
+        np.array([(e, n, 0.5 * width, bright) for e, n, width, bright in scenario.discs], np.float64).reshape(-1, 4),
         np.array(body, np.float64).reshape(-1, 6),
         tool if flight is None else np.empty((0, 7)),
         np.array([x + _DUST_CENTRE[0], y, _DUST_CENTRE[1], *_DUST_RADII]),
@@ -599,6 +602,10 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
                     if kind == _MET_STRAW:
                         incidence = 1.0
                     bright = _BRIGHTNESS[what]
+                    for k in range(len(scene.discs)):
+                        disc = scene.discs[k]
+                        if kind == _MET_SOIL and math.hypot(x + r * dx - disc[0], y + r * dy - disc[1]) <= disc[2]:
+                            bright = disc[3]
             slot = 0
             if moving[i, 4] > 0.0 and optics.noise[3] > 0.0:
                 enter, leave = _in_dust(px, py, pz, vx, vy, vz, scene.dust)

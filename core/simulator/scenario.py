@@ -545,6 +545,10 @@ class Scenario(ScenarioTable, frozen=True):
             "thickness, height, brightness (1 to 19)]"
         ),
     ] = ()
+    discs: Annotated[
+        tuple[tuple[float, float, float, float], ...],
+        Meta(description="flat targets: [east, north of the middle, diameter, reflectivity (1 to 255)]"),
+    ] = ()
     earlier: tuple[EarlierDrive, ...] = ()
     place: ScenarioPlace = ScenarioPlace()
     flight: Flight | None = None

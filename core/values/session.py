@@ -118,6 +118,8 @@ class Field(TomlTable, frozen=True):
     time_zone: str | None = None
     within: str | None = None
     check_points: str | None = None
+    control_points: str | None = None
+    control_disc_m: Annotated[float, Meta(ge=0.05, le=5.0)] | None = None
 
 
 class TrajectorySource(TomlTable, frozen=True):
@@ -399,6 +401,8 @@ EXAMPLES: Final = {
     "field.time_zone": '"Asia/Tokyo"',
     "field.within": '"part.geojson"',
     "field.check_points": '"check_points.csv"',
+    "field.control_points": '"points.csv"',
+    "field.control_disc_m": "0.4",
     "trajectory.files": '["trajectory.csv"]',
     "trajectory.time": '"utc"',
     "trajectory.week": "2422",

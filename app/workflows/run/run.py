@@ -115,7 +115,8 @@ def run_to_folder(
                 return products[0].add
 
             checkpoint = KeptMatching(kept(staging), opened, inputs)
-            found = run_session(opened, open_sink, report, checkpoint)
+            corrector = next((tool for tool in tools if tool.corrects), None)
+            found = run_session(opened, open_sink, report, checkpoint, corrector)
             worked_m2 = found.work.ground.figures.worked.grid_m2 if found.work.ground is not None else None
             shown = live_difference(opened.file.parent, found.frame.name, found.placement.poses, worked_m2)
             found = replace(found, live=shown)
@@ -142,7 +143,7 @@ def _import_writers() -> None:
         import furrowmap.workflows.run.products  # noqa: F401
         from furrowmap.exporters.reports.html_pages import compile_templates
 
-        pages = ("report", "base", "parts", "passes", "images", "flight", "parcels")
+        pages = ("report", "base", "parts", "passes", "images", "flight", "parcels", "control")
         compile_templates(*(f"{name}.html" for name in pages))  # half a second of the last step, which has one thread
 
 

@@ -74,10 +74,14 @@ def session_tools(opened: OpenSession) -> list[RunTool]:
         from furrowmap.workflows.run.parcel_tool import ParcelTool
 
         tools.append(ParcelTool(opened))
-    if opened.inputs.check_points is not None:
+    if opened.inputs.ground_control is not None:
+        from furrowmap.workflows.run.control_tool import ControlTool
+
+        tools.append(ControlTool(opened))
+    if opened.inputs.check_points is not None or opened.inputs.ground_control is not None:
         from furrowmap.workflows.run.check_tool import CheckTool
 
-        tools.append(CheckTool(opened, opened.inputs.check_points))
+        tools.append(CheckTool(opened))
     if session.features is not None:
         from furrowmap.workflows.run.feature_tool import FeatureTool
 

@@ -34,6 +34,8 @@ def _until_products(session: Session) -> tuple[Step, ...]:
         steps += [Step("finding features", 15.0), Step("matching images", 10.0), Step("adjusting images", 5.0)]
     if session.trajectory is None and session.imu is None:
         steps.append(Step("matching scans", 12.0))
+    if session.field.control_points is not None:
+        steps.append(Step("looking at control points", 10.0))
     steps.append(Step("placing points", 10.0))
     if session.camera is not None:
         steps.append(Step("reading images", 5.0))

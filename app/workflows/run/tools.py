@@ -10,11 +10,14 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from furrowmap.core.images.image_frames import Frames
+from furrowmap.core.implement.machine_voxels import MachineVoxels
 from furrowmap.core.pipeline.run_result import RunResult
+from furrowmap.core.pipeline.solution import Solution
 from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.exporters.cloud.layers import ChunkColumns
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.provenance import Origin
@@ -73,6 +76,8 @@ class RunTool:
 
     measures: ClassVar[bool] = False
     """Whether :meth:`measure` does anything."""
+    corrects: ClassVar[bool] = False
+    """Whether :meth:`corrected` does anything."""
     folder: Path
     stack: ExitStack
     origin_m: Vector
@@ -83,6 +88,13 @@ class RunTool:
 
     def open(self) -> None:
         """Begin, before the work."""
+
+    def expect_near(self, trajectory: Trajectory) -> None:
+        """Raise InputError if what the tool corrects by does not lie where the drive goes; before scans are matched."""
+
+    def corrected(self, solution: Solution, machine: MachineVoxels | None, progress: Progress) -> Solution:  # noqa: ARG002
+        """The solution with a corrected trajectory, before points are placed by it."""
+        return solution
 
     def preload(self) -> None:
         """Import what is needed late; called from another thread, while packets are read, and perhaps again."""

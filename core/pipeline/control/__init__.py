@@ -1,0 +1,1 @@
+"""Control points: surveyed points that the scanner sees, and that correct the positions of a run."""
