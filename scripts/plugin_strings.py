@@ -25,6 +25,7 @@ STAGES = (
     "reading scans",
     "looking at scans",
     "matching scans",
+    "looking at control points",
     "placing points",
     "finding features",
     "matching images",

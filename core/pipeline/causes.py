@@ -25,6 +25,7 @@ AT_TOP: Final = (
     "tool-apart",
     "boundary-apart",
     "control-points-off",
+    "ground-control-shift",
     "ground-control-left-out",
     "facing-assumed",
     "lever-assumed",

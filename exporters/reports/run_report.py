@@ -136,6 +136,7 @@ FLIGHT_CAUSES: Final = {
     "geoid-separation": "geoid",
     "gnss-height-steps": "positions",
     "control-points-contradict": "control-points",
+    "ground-control-contradicts": "control-points",
     "parcels-beside-crop": "parcels",
     "treatments-order": "treatments",
     CONTRADICTING: "camera",
@@ -144,7 +145,8 @@ FLIGHT_CAUSES: Final = {
 """Codes of contradictions without matching beside those of CONTRADICTION, and the cause that each names."""
 
 
-MATCHED_CAUSES: Final = {code: FLIGHT_CAUSES[code] for code in ("gnss-height-steps", CHECK_POINTS_OFF)}
+_BESIDE_MATCHING: Final = ("gnss-height-steps", "ground-control-contradicts", CHECK_POINTS_OFF)
+MATCHED_CAUSES: Final = {code: FLIGHT_CAUSES[code] for code in _BESIDE_MATCHING}
 """Those that scan matching leaves standing."""
 
 

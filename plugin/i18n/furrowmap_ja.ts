@@ -722,6 +722,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Boundary of the field</source><translation>圃場の境界</translation></message>
   <message><source>Change from date {earlier} to date {later}</source><translation>日付 {earlier} から日付 {later} への変化</translation></message>
   <message><source>Change of the surface</source><translation>地表面の変化</translation></message>
+  <message><source>Control points</source><translation>標定点</translation></message>
   <message><source>Cultivated path</source><translation>耕うん経路</translation></message>
   <message><source>Depth of water (m)</source><translation>水深（m）</translation></message>
   <message><source>Differences of strips</source><translation>ストリップ間の差</translation></message>
@@ -978,6 +979,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>filling gaps</source><translation>欠損の補間</translation></message>
   <message><source>finding features</source><translation>特徴点を抽出しています</translation></message>
   <message><source>hashing inputs</source><translation>入力ファイルのハッシュ計算</translation></message>
+  <message><source>looking at control points</source><translation>標定点の観測</translation></message>
   <message><source>looking at scans</source><translation>スキャンの確認</translation></message>
   <message><source>looking for noise</source><translation>ノイズの検出</translation></message>
   <message><source>looking for the board</source><translation>板を探しています</translation></message>

@@ -379,7 +379,7 @@ def _tables(folder: Path, track: GnssTrack) -> Made:
     yield "states.csv", {"states.csv": states.encode()}, ("implement.states",)
     places = zip(track.lon_deg[::8], track.lat_deg[::8], track.height_m[::8], strict=True)
     surveyed = "".join(f"P{k},{x},{y},{z - 1.6}\n" for k, (x, y, z) in enumerate(places))
-    keys = ("field.check_points", "camera.control_points")
+    keys = ("field.check_points", "field.control_points", "camera.control_points")
     yield "points.csv", {"points.csv": f"name,lon_deg,lat_deg,h_m\n{surveyed}".encode()}, keys
     pixels = "image,name,x,y\n0001.jpg,P0,3.5,4.5\n"
     yield "pixels.csv", {"pixels.csv": pixels.encode()}, ("camera.control_pixels",)

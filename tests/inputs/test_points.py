@@ -285,7 +285,7 @@ PLACES: Mapping[str, Callable[[Path], FloatArray]] = {
     "check --pairs CLOUD_OR_DSM": by_measured,
     "check --pairs POINTS": by_surveyed,
     "tie --reference": by_tie,
-    "[field] check_points, [camera] control_points": by_session,
+    "[field] check_points, control_points, [camera] control_points": by_session,
 }
 
 
