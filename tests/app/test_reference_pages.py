@@ -311,7 +311,9 @@ def test_products_page__fields_of_the_ground_worked(result: furrowmap.Result) ->
 def test_products_page__keys_of_the_report(result: furrowmap.Result) -> None:
     listed = rows("products", "## report.json")[1:]
     alone = [cells[0] for cells in listed if not cells[0].startswith("figures,")]
-    assert {*result.report, "parcels", "check_points"} == {name for cell in alone for name in cell.split(", ")}
+    assert {*result.report, "parcels", "check_points", "control_points"} == {
+        name for cell in alone for name in cell.split(", ")
+    }
     texts: defaultdict[str, str] = defaultdict(str)
     for cells in listed:
         texts[cells[0].partition(",")[0]] += cells[1]

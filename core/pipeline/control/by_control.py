@@ -42,7 +42,7 @@ def by_control(
     found = _found(solution, control, machine, progress)
     located = solution.located
     trajectory = found.applied(located.trajectory)
-    carrier = found.applied(solution.carrier, accuracy=False) if solution.carrier is not None else None
+    carrier = found.applied(solution.carrier, keep_sigma=True) if solution.carrier is not None else None
     located = replace(located, trajectory=_doubtful(trajectory, found), notices=(*located.notices, *found.notices))
     return replace(solution, located=located, carrier=carrier, control=found.result)
 

@@ -118,18 +118,18 @@ class ControlResult:
             "control": sum(point.state is not PointState.CHECK for point in self.points),
             **{state.value.replace("-", "_"): self.count(state) for state in PointState},
             "corrected": [bool(axis) for axis in self.axes],
-            "shift_m": _plain(self.shift_m),
-            "sigma_m": _plain(self.sigma_m),
-            "range_m": _plain(self.range_m),
+            "shift_m": _plain(self.shift_m, 4),
+            "sigma_m": _plain(self.sigma_m, 4),
+            "range_m": _plain(self.range_m, 4),
             "points": [
                 {
                     "name": point.name,
                     "state": point.state.value,
                     "why_not": point.why_not.value or None,
                     "visits": point.visits,
-                    "before_m": _plain(point.before_m),
-                    "residual_m": _plain(point.residual_m),
-                    "sigma_m": _plain(point.sigma_m),
+                    "before_m": _plain(point.before_m, 4),
+                    "residual_m": _plain(point.residual_m, 4),
+                    "sigma_m": _plain(point.sigma_m, 4),
                     "normalised": _plain(point.normalised, 2),
                 }
                 for point in self.points
@@ -137,7 +137,7 @@ class ControlResult:
         }
 
 
-def _plain(values: FloatArray, digits: int = 4) -> list[float | None]:
+def _plain(values: FloatArray, digits: int) -> list[float | None]:
     return [round(value, digits) + 0.0 if np.isfinite(value) else None for value in values.tolist()]
 
 

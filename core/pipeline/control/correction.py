@@ -34,7 +34,7 @@ from furrowmap.core.values.trajectory import Trajectory, same_hemisphere
 
 UNSTATED_SIGMA_M: Final = (0.02, 0.02, 0.03)
 """Standard deviations of positions that state none."""
-DRIFT_SHARE: Final = 0.5
+FREE_DRIFT_SHARE: Final = 0.5
 """Share of the variance of positions that changes within minutes."""
 HELD_DRIFT_SHARE: Final = 0.02
 """The same of poses that ground seen again holds together: they move by a seventh of what they state."""
@@ -58,8 +58,8 @@ class Correction:
     notices: tuple[Notice, ...] = ()
     contradicts_m: FloatArray | None = None
 
-    def applied(self, trajectory: Trajectory, *, accuracy: bool = True) -> Trajectory:
-        """A trajectory without the error; its standard deviations are those after, unless `accuracy` is false."""
+    def applied(self, trajectory: Trajectory, *, keep_sigma: bool = False) -> Trajectory:
+        """A trajectory without the error; its standard deviations are those after, or as they were to `keep_sigma`."""
         if self.error is None or not len(trajectory):
             return trajectory
         stated = stated_sigma_m(trajectory.sigma)
@@ -68,7 +68,7 @@ class Correction:
         turned = Rotation.from_rotvec(turn) * Rotation.from_quat(trajectory.quaternion, scalar_first=True)
         quaternion = same_hemisphere(turned.as_quat(scalar_first=True))
         sigma = trajectory.sigma
-        if accuracy:
+        if not keep_sigma:
             position = np.where(self.error.axes & np.isfinite(sigma[:, :3]), np.sqrt(variance), sigma[:, :3])
             known = np.degrees(np.sqrt(self.error.model.turn_sigma_rad**2 - turn_variance))
             level = float(np.sqrt(np.mean(known[:2] ** 2)))
@@ -122,7 +122,7 @@ def error_model(trajectory: Trajectory, points_m: FloatArray, *, held: bool) -> 
     positions = np.sqrt(np.mean(stated**2, axis=0)) / max(apart_m, 1e-3)
     tilt = 1.0 / np.hypot(1.0 / max(level, 1e-9), 1.0 / max(positions[UP], 1e-9))
     turn = 1.0 / np.hypot(1.0 / max(heading, 1e-9), 1.0 / max(float(np.max(positions[:UP])), 1e-9))
-    share = HELD_DRIFT_SHARE if held else DRIFT_SHARE
+    share = HELD_DRIFT_SHARE if held else FREE_DRIFT_SHARE
     return ErrorModel(pivot, np.full(3, FRAME_SIGMA_M), np.array([tilt, tilt, turn]), share)
 
 
