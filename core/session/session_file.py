@@ -1,5 +1,7 @@
 """Reading and validation of session files; every error names the key."""
 
+from __future__ import annotations
+
 import datetime as dt
 import difflib
 import itertools
@@ -10,7 +12,7 @@ import tomllib
 import zoneinfo
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import TYPE_CHECKING, Any, Final, get_args
 
 import msgspec
 from msgspec.inspect import is_struct_type, type_info
@@ -22,7 +24,6 @@ from furrowmap.core.runtime.plain_reads import open_plain
 from furrowmap.core.session.session_camera import camera_faults
 from furrowmap.core.session.value_faults import value_faults
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
-from furrowmap.core.values.machine import MachineImplement
 from furrowmap.core.values.pose_track import MAGNETIC_NORTH
 from furrowmap.core.values.session import (
     CHECK,
@@ -33,6 +34,9 @@ from furrowmap.core.values.session import (
     Implement,
     Session,
 )
+
+if TYPE_CHECKING:
+    from furrowmap.core.values.machine import MachineImplement
 
 MAX_PLACE_M: Final = 15.0
 """Largest plausible distance from the vehicle origin; larger values are millimetres or centimetres."""
