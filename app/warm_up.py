@@ -122,7 +122,7 @@ def _compile_module(work: tuple[str, Sequence[tuple[str, str]]]) -> tuple[int, i
     with _watching(watch):
         module = import_module(f"furrowmap.{name}")
         for kernel, signature in kernels:
-            with suppress(NumbaError, TypeError):  # of other types meanwhile: compiled when it is first called
+            with suppress(NumbaError, TypeError, IndexError):  # of other types meanwhile: compiled at its first call
                 getattr(module, kernel).compile(types_of(signature, module))
     return len(kernels), watch.count
 

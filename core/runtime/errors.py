@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
 
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, plain_values, printed, sentences
-from furrowmap.core.runtime.languages.templates import fill
+from furrowmap.core.runtime.languages.templates import fill, holes_of, parts_of
 from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES, Text, Value, templates, words_of
 
 CONTRADICTION: Final = "contradiction"
@@ -63,7 +63,9 @@ class FurrowmapError(Exception):
 
     def words(self, part: str) -> Text:
         """A part, such as "what", as a value of another message."""
-        return Text(templates(ENGLISH)[self.key][part], **self.values)
+        template = templates(ENGLISH)[self.key][part]
+        names = holes_of([parts_of(template)])
+        return Text(template, **{name: value for name, value in self.values.items() if name in names})
 
     @property
     def setting(self) -> dict[str, Any] | None:

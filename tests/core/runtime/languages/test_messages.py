@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.runtime.errors import SETTING_REMEDIES, InputError, Notice, RefusedError
-from furrowmap.core.runtime.languages.messages import expansions, holes, printed, sentences
+from furrowmap.core.runtime.errors import SETTING_REMEDIES, InputError, Notice, RefusedError, printable
+from furrowmap.core.runtime.languages.messages import ERROR_PARTS, expansions, holes, printed, sentences
 from furrowmap.core.runtime.languages.templates import Choice, Hole, fill, parts_of, walk
 from furrowmap.core.runtime.languages.texts import templates
 
@@ -74,6 +74,14 @@ def test_setting__is_the_line_that_the_remedy_names(key: str) -> None:
     values = dict.fromkeys(holes(key), 1.5)
     assert InputError(key, **values).setting == {"table": table, "key": name, "value": 1.5}
     assert InputError(key, **(values | {reason: None})).setting is None
+
+
+@pytest.mark.parametrize("key", [key for key, parts in templates("en").items() if "what" in parts])
+def test_part_of_an_error__is_a_value_of_another_message(key: str) -> None:
+    error = InputError(key, **dict.fromkeys(holes(key), 1))
+    for language in ("en", "ja"):
+        parts = [error.words(part).in_language(language) for part in ERROR_PARTS]
+        assert [printable(part) for part in parts] == list(error.lines_in(language))
 
 
 def test_setting__may_be_a_list() -> None:
