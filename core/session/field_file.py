@@ -13,6 +13,7 @@ from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.readers.ogr_layers import list_layers
 from furrowmap.core.runtime.errors import FurrowmapError, Notice, printable
 from furrowmap.core.runtime.file_names import resolved
+from furrowmap.core.runtime.languages.texts import Text
 
 VECTOR_SUFFIXES: Final = (".geojson", ".json", ".gpkg", ".fgb", ".kml", ".shp")
 _BOUNDARY_WORDS: Final = ("boundary", "field", "outline", "境界", "圃場")
@@ -36,7 +37,7 @@ class FieldFile:
     def used(self) -> list[Notice]:
         """What was found, if a boundary was."""
         named = [self.boundary] if self.boundary is not None else []
-        return [Notice("recording", name=path.name, title="boundary of the field") for path in named]
+        return [Notice("recording", name=path.name, title=Text("boundary of the field")) for path in named]
 
     @classmethod
     def among(
