@@ -256,7 +256,7 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _figure(name: str, value: Words, *, loud: bool = False) -> dict[str, Any]:
-    level = ["(± 95 %)"] if "±" in str(value) else []
+    level = ["(±\u00a095\u00a0%)"] if "±" in str(value) else []
     return {"value": _said(value), "name": [name, *level], "loud": loud}
 
 
