@@ -25,12 +25,16 @@ CHANGE_OF_DATES = re.compile(r"change_(\d+)_(\d+)")
 """Name of the change between two dates of a field."""
 
 
+OF_PREVIEWS = {"preview_track": "trajectory", "preview_dsm": "dsm"}
+"""Layers of a preview, and those of a run that they are named after."""
+
+
 def title_of(key: str, *, worked: bool = True) -> str:
     """The name of a product's layer, by its key; `worked` tells whether a tool worked the ground.
 
     What has no title keeps its key.
     """
-    label = LABELS["layers"].get(key)
+    label = LABELS["layers"].get(OF_PREVIEWS.get(key, key))
     dates = CHANGE_OF_DATES.fullmatch(key)
     if label:
         label = label if worked else LABELS["without_work"].get(label, label)

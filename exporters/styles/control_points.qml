@@ -82,5 +82,5 @@
    </symbol>
   </symbols>
  </renderer-v2>
- <mapTip enabled="1">&lt;b&gt;[% "name" %]&lt;/b&gt;, [% "state" %]&lt;br&gt;[% coalesce(format_number(1000 * "residual_h_m", 1), '?') %] mm, w [% coalesce(format_number("normalised_h", 1), '?') %]</mapTip>
+ <mapTip enabled="1">&lt;b&gt;[% "name" %]&lt;/b&gt;, [% "state" %]&lt;br&gt;[% coalesce(format_number(1000 * "residual_h_m", 1) || ' mm', '?') %], [% coalesce(format_number("normalised_h", 1) || ' σ', '?') %]</mapTip>
 </qgis>

@@ -65,11 +65,14 @@ def dock_rows(report: dict[str, Any]) -> dict[str, str]:
     qgis_core = types.ModuleType("qgis.core")
     qgis_core.QgsApplication = types.SimpleNamespace(locale=lambda: "en")  # type: ignore[attr-defined]
     core.Qt = types.SimpleNamespace(DateFormat=types.SimpleNamespace(ISODateWithMs=0))  # type: ignore[attr-defined]
-    spec = importlib.util.spec_from_file_location("dock_figures", FIGURES)
+    spec = importlib.util.spec_from_file_location("dock_of_claims.figures", FIGURES)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     with pytest.MonkeyPatch.context() as patch:
+        package = types.ModuleType("dock_of_claims")
+        package.__path__ = [str(FIGURES.parent)]
+        patch.setitem(sys.modules, "dock_of_claims", package)
         patch.setitem(sys.modules, "qgis", types.ModuleType("qgis"))
         patch.setitem(sys.modules, "qgis.core", qgis_core)
         patch.setitem(sys.modules, "qgis.PyQt", types.ModuleType("qgis.PyQt"))

@@ -197,7 +197,7 @@ def test_inspect__status_is_3_if_one_of_several_cannot_be_read(
 
 def test_quiet_and_log_file(cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stated(
-        "furrowmap inspect",
+        "furrowmap",
         "Show only warnings and errors, and no progress bar.",
         "Log every step to standard error; -vv includes libraries.",
         "Append a log with timestamps to this file.",

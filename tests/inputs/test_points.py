@@ -358,7 +358,11 @@ def test_heights_of_agopengps__are_noticed_with_those_that_are_not_fixed(tmp_pat
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("", "has no heights"), ("51.4,x,1,4,0,0\n51.4,10.1,1,4\n", "is damaged at"), ("99.0,10.1,1,4\n", "places")],
+    [
+        ("", "has no heights"),
+        ("51.4,x,1,4,0,0\n51.4,10.1,1,4\n", "is damaged at"),
+        ("99.0,10.1,1,4\n", "impossible positions"),
+    ],
 )
 def test_heights_of_agopengps__that_are_damaged_or_none(text: str, words: str, tmp_path: Path) -> None:
     path = agopengps(tmp_path) / "Elevation.txt"

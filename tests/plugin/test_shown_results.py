@@ -99,7 +99,7 @@ def of_page(result: ResultFolder) -> Iterator[str]:
         yield figure["value"]["ja"]
         yield from (JAPANESE.get(word, word) for word in figure["name"])
     for text in page_module._notes(result.report):
-        yield page_module._said(text)["ja"]
+        yield text["ja"]
     layers, _, _ = page_module._layers(result, result.zone)
     for layer in layers:
         said = [layer["title"], *(one["label"] for one in layer["legend"])]
@@ -109,7 +109,7 @@ def of_page(result: ResultFolder) -> Iterator[str]:
 
 def in_japanese(result: ResultFolder) -> list[str]:
     """The texts of `report.html` in Japanese."""
-    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    page = (result.folder / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
     return [html.unescape(text) for text in texts(in_language(page, "ja"))]
 
 
@@ -166,7 +166,13 @@ def test_margins__are_the_same_everywhere(shown: dict[str, Shown], name: str) ->
     assert margins_in(word for row in one.qgis["figures"] for word in row) == whole
     assert margins_in(one.qgis["print"]) == whole | features.get("passes", set())
     page = margins_in(of_page(one.result))
-    sheet = margins_in([re.sub("<[^>]*>", "\n", (one.result.folder / "report.html").read_text(encoding="utf-8"))])
+    sheet = margins_in(
+        [
+            re.sub(
+                "<[^>]*>", "\n", (one.result.folder / "report.html").read_text(encoding="utf-8").replace("\u00a0", " ")
+            )
+        ]
+    )
     assert main | rows <= page <= main | every
     assert whole | rows <= sheet
     for tips in one.tips:

@@ -134,7 +134,7 @@ def test_two_antennas_show_the_heading_where_they_are_asked_for(tmp_path: Path) 
     found = located(opened)
     assert np.abs(found.trajectory.attitude_deg()[2] - (grid_east_deg() + 0.5)).max() < 0.05
     assert 0.05 < np.median(found.trajectory.sigma[:, 5]) < 0.3
-    with pytest.raises(RefusedError, match="shows no heading") as refused:
+    with pytest.raises(RefusedError, match="gives no heading") as refused:
         located(straight_drive(tmp_path, "", "GPHDT,0.5,T"))
     assert 'write `heading = "antennas"`' in refused.value.remedy
     with pytest.raises(InputError, match="without headings of two antennas") as caught:
@@ -143,7 +143,7 @@ def test_two_antennas_show_the_heading_where_they_are_asked_for(tmp_path: Path) 
 
 
 def test_an_aircraft_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RefusedError, match="shows no heading") as caught:
+    with pytest.raises(RefusedError, match="gives no heading") as caught:
         located(straight_drive(tmp_path, ""))
     assert caught.value.code == "heading-unknown"
     assert "on_wheels = true" in caught.value.remedy
