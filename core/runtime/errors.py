@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Self
 
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, plain_values, printed, sentences
-from furrowmap.core.runtime.languages.templates import fill, holes_of, parts_of
-from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES, Text, Value, templates, words_of
+from furrowmap.core.runtime.languages.templates import holes_of, parts_of
+from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES, Text, Value, filled, templates
 
 CONTRADICTION: Final = "contradiction"
 CHECK_POINTS_OFF: Final = "check-points-off"
@@ -187,9 +187,7 @@ class Notice:
 
 def _sentence(language: str, key: str, part: str, values: Mapping[str, Value]) -> str:
     """A part of a message in a language; texts in its values are translated too."""
-    words = words_of(language)
-    parts = sentences(language, key)[part]
-    return printable(fill(parts, printed(key, values, language), lambda value: words.get(value, value)))
+    return printable(filled(sentences(language, key)[part], printed(key, values, language), language))
 
 
 def printable(text: str) -> str:

@@ -89,10 +89,15 @@ def read_own(folder: Path, name: str) -> bytes:
 
     Raises OSError, also for what is no regular file, and for a link that leads out of the folder.
     """
+    return read_plain_bytes(own_file(folder, name))
+
+
+def own_file(folder: Path, name: str) -> Path:
+    """The path of a file of a folder. Raises OSError for a link that leads out of it."""
     path = folder / name
     if leads_out(path, folder):
         raise OSError(errno.ELOOP, "it is a link that leads out of its folder", str(path))
-    return read_plain_bytes(path)
+    return path
 
 
 MAX_ENTRIES: Final = 200_000

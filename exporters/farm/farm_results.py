@@ -1,7 +1,6 @@
 """The results of `furrowmap run` and of `furrowmap fields` as a farm map takes them: sessions with their layers."""
 
 import datetime as dt
-import errno
 import hashlib
 import json
 import re
@@ -21,7 +20,7 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.readers.ogr_layers import layer_info, list_layers
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.file_names import leads_out, read_own, resolved
+from furrowmap.core.runtime.file_names import leads_out, own_file, read_own, resolved
 from furrowmap.core.runtime.plain_reads import expect_plain_file, read_plain_bytes
 from furrowmap.core.values.crs import crs_of_file
 from furrowmap.exporters.farm.farm_memory_tables import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
@@ -139,10 +138,9 @@ def products_digest(place: Path) -> str:
     if not place.is_dir():
         return hashlib.sha256(read_plain_bytes(place)).hexdigest()
     digest = hashlib.sha256(read_own(place, REPORT))
-    if leads_out(place / FIELD, place):
-        raise OSError(errno.ELOOP, "it is a link that leads out of its folder", str(place / FIELD))
-    expect_plain_file(place / FIELD)
-    with (place / FIELD).open("rb") as file:
+    field = own_file(place, FIELD)
+    expect_plain_file(field)
+    with field.open("rb") as file:
         digest.update(hashlib.file_digest(file, "sha256").digest())
     return digest.hexdigest()
 

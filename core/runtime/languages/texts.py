@@ -48,7 +48,7 @@ class Text:
     def in_language(self, language: str) -> str:
         """The text in a language; a template that its catalogue lacks in English."""
         template = texts_of(language).get(self.template, self.template)
-        return filled(template, shown_values([parts_of(self.template)], self.values, language), language)
+        return filled(parts_of(template), shown_values([parts_of(self.template)], self.values, language), language)
 
 
 Words: TypeAlias = str | Text
@@ -111,9 +111,10 @@ def reason(error: BaseException) -> Words:
     return " ".join((named or str(error) or type(error).__name__).split())[:MOST_REASON]
 
 
-def filled(template: str, values: Mapping[str, str | bool | None], language: str) -> str:
+def filled(parts: tuple[Part, ...], values: Mapping[str, str | bool | None], language: str) -> str:
     """A template with values; words of the product among them, such as names of kinds, are in the language."""
-    return fill(parts_of(template), values, lambda value: words_of(language).get(value, value))
+    words = words_of(language)
+    return fill(parts, values, lambda value: words.get(value, value))
 
 
 def plain_value(value: Any) -> Value:
