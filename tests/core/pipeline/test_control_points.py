@@ -207,6 +207,20 @@ def test_heights__correct_heights_and_tilt_alone() -> None:
     assert [notice.code for notice in found.notices] == []
 
 
+@pytest.mark.parametrize(("up_m", "told"), [(0.02, False), (0.3, True)])
+def test_shift__is_told_where_the_positions_are_off_by_more_than_they_state(up_m: float, told: bool) -> None:
+    path = drive(sigma_h_m=0.02)
+    model = error_model(path, CORNERS, held=True)
+    found = correction(control(CORNERS), seen_at(np.full(5, up_m), T0_S + np.arange(5) * 12.0), path, model)
+    shifts = [notice for notice in found.notices if notice.code == "ground-control-shift"]
+    assert len(shifts) == told
+    for notice in shifts:
+        values = dict(notice.values)
+        assert values["up_m"] == pytest.approx(up_m, abs=0.01)
+        assert (values["east_m"], values["north_m"]) == (0.0, 0.0)
+        assert "+0.000 m north and +0." in notice.text
+
+
 def test_point_in_error__is_named_and_left_out() -> None:
     path = drive()
     above = np.array([0.05, 0.052, 0.15, 0.049, 0.051])
