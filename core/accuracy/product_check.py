@@ -32,6 +32,8 @@ MIN_CHECK_POINTS: Final = 30
 """Edition 2's minimum of check points for a statement of accuracy."""
 BIAS_SHARE: Final = 0.25
 """A mean error above this share of the RMSE is a bias."""
+MIN_BIAS_M: Final = 1e-3
+"""Coordinates are written to the millimetre: what is less comes of their rounding."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,8 @@ class Component:
         """Whether the mean exceeds the limit of the standard and twice its standard error."""
         if self.n < 2 or not self.fit_m:
             return False
-        return bool(abs(self.mean_m) > max(BIAS_SHARE * self.rmse_m, 2.0 * self.sigma_m / np.sqrt(self.n)))
+        scatter_m = 2.0 * self.sigma_m / np.sqrt(self.n)
+        return bool(abs(self.mean_m) > max(BIAS_SHARE * self.rmse_m, scatter_m, MIN_BIAS_M))
 
     def plain(self) -> dict[str, Any]:
         """For JSON; null where unknown."""

@@ -35,6 +35,7 @@ def test_bias__of_one_point_or_of_no_error_is_none() -> None:
     assert not Component.from_errors(np.array([0.5]), unstated).biased
     assert not Component.from_errors(np.zeros(9), unstated).biased
     assert Component.from_errors(np.full(9, 0.5) + np.linspace(-0.1, 0.1, 9), unstated).biased
+    assert not Component.from_errors(np.full(9, 0.0004), unstated).biased  # of coordinates to the millimetre
 
 
 def test_jumps__of_fewer_than_seven_positions_are_not_looked_for() -> None:
