@@ -107,7 +107,7 @@ def transform_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, Trans
     """
     lon, lat, height, done = _transform(frame, track.t_s, track.lon_deg, track.lat_deg, track.height_m)
     by_ppp = track.service in OF_TODAY or bool(np.mean(track.fix == Fix.PPP) > 0.5)
-    if by_ppp and frame.parameters is None and frame.stated is None:
+    if by_ppp and frame.as_recorded and frame.stated is None:
         service = track.service.upper() or "PPP"
         notice = Notice("epoch-of-the-day", source=track.source, service=service, frame=frame.name)
         done = replace(done, notices=(notice, *done.notices))
@@ -124,7 +124,7 @@ def transform_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Trans
                     Notice("coordinates-look-like-degrees", source=track.source, easting=en[0, 0], northing=en[0, 1]),
                 )
             )
-        if frame.parameters is None and frame.heights.vertical is None:
+        if frame.as_recorded and frame.heights.vertical is None:
             return track, UNCHANGED
         return track, TransformSummary(notices=(Notice("coordinates-of-the-map", source=track.source),))
     lon, lat, height, done = _transform(frame, track.t_s, *track.position.T)
@@ -186,10 +186,12 @@ def _transform(
         before = np.column_stack([*frame.project(lon, lat), np.zeros(len(lon))])
         lon, lat, up = frame.parameters.to_map(lon, lat, np.zeros(len(lon)))
         height = height + up
-        moved = np.column_stack([*frame.project(lon, lat), up]) - before
-        mean = moved.mean(axis=0)
-        spread = float(np.linalg.norm(moved - mean, axis=1).max())
-        epoch = EpochMove(frame.parameters.name, float(mean[0]), float(mean[1]), float(mean[2]), spread)
+        epoch = _epoch_move(frame.parameters.name, np.column_stack([*frame.project(lon, lat), up]) - before)
+    elif frame.change is not None:
+        before = np.column_stack([*frame.project(lon, lat), np.zeros(len(lon))])
+        lon, lat, up = frame.change.to_map(t_s[known], lon, lat, height)
+        height = height + up
+        epoch = _epoch_move(frame.change.name, np.column_stack([*frame.project(lon, lat), up]) - before)
     heights = None
     if frame.heights.vertical is not None:
         geoid = frame.heights.geoid_m(lon, lat)
@@ -210,6 +212,13 @@ def _transform(
     for column, values in zip(out, (lon, lat, height), strict=True):
         column[known] = values
     return out[0], out[1], out[2], TransformSummary(epoch, heights, tuple(notices))
+
+
+def _epoch_move(name: str, moved_m: FloatArray) -> EpochMove:
+    """The mean of shifts (n, 3), and the greatest deviation from it."""
+    mean = moved_m.mean(axis=0)
+    spread = float(np.linalg.norm(moved_m - mean, axis=1).max())
+    return EpochMove(name, float(mean[0]), float(mean[1]), float(mean[2]), spread)
 
 
 def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: float) -> list[Notice]:

@@ -28,6 +28,7 @@ from pyproj.enums import PJType
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
+from furrowmap.core.geodesy.frame_change import FrameChange, frame_change
 from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.geodesy.longitudes import middle_deg
 from furrowmap.core.runtime.arrays import FloatArray
@@ -419,15 +420,21 @@ def stated_frame(text: str) -> StatedFrame | None:
     found = re.fullmatch(r"\s*(.+?)\s*@\s*(-?\d+(?:\.\d+)?)\s*", text)
     if found is None:
         return None
-    info = _frames().get(found[1].casefold())
-    if info is None:
+    frame = _frame_of(found[1])
+    if frame is None:
         raise InputError("frame-unknown", found=found[1])
     epoch = float(found[2])
     if not FIRST_EPOCH <= epoch <= LAST_EPOCH:
         raise InputError(
             "epoch-out-of-range.stated-epoch", found=found[2], first_epoch=FIRST_EPOCH, last_epoch=LAST_EPOCH
         )
-    return StatedFrame(CRS.from_authority(info.auth_name, info.code), epoch)
+    return StatedFrame(frame, epoch)
+
+
+def _frame_of(name: str) -> CRS | None:
+    """The geographic CRS that EPSG names so; None for none."""
+    info = _frames().get(name.casefold())
+    return CRS.from_authority(info.auth_name, info.code) if info is not None else None
 
 
 @cache
@@ -456,6 +463,7 @@ class MapFrame:
         stated: stated frame and epoch of the coordinates, then the base of `crs`.
         named: the CRS that the session names where `crs` is its projection on a stated frame.
         unused: vertical part of the CRS of the session that `heights` does not request.
+        change: from the frame of the positions, at their own time, to that of the map; None where it is the same.
     """
 
     crs: CRS
@@ -464,6 +472,12 @@ class MapFrame:
     heights: HeightSystem = ABOVE_ELLIPSOID
     named: CRS | None = None
     unused: CRS | None = None
+    change: FrameChange | None = None
+
+    @property
+    def as_recorded(self) -> bool:
+        """Whether longitudes and latitudes are used as recorded."""
+        return self.parameters is None and self.change is None
 
     @cached_property
     def _transformer(self) -> Transformer:
@@ -483,6 +497,9 @@ class MapFrame:
         if self.parameters is not None:
             file = self.parameters.name
             said.append(Text("Recorded positions are transformed to the epoch of the map with {file}.", file=file))
+        if self.change is not None:
+            name = self.change.name
+            said.append(Text("Recorded positions are transformed to the frame of the map with {change}.", change=name))
         if self.heights.vertical is not None:
             source = self.heights.source
             said.append(Text("Heights are above {heights} ({source}).", heights=self.heights.name, source=source))
@@ -596,7 +613,9 @@ def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | 
         if parameters.format not in BETWEEN_EPOCHS:
             raise InputError("parameters-kind", found=parameters.name, format=parameters.format)
     stated = stated_frame(crs.coordinates)
-    if stated is None and crs.coordinates not in (AS_RECORDED, CURRENT_EPOCH):
+    known = stated is not None or crs.coordinates in (AS_RECORDED, CURRENT_EPOCH)
+    change = None if known else frame_change(crs.coordinates, flat, _frame_of)
+    if not known and change is None:
         raise InputError(
             "crs-coordinates", coordinates=crs.coordinates, as_recorded=AS_RECORDED, current_epoch=CURRENT_EPOCH
         )
@@ -604,4 +623,4 @@ def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | 
     heights = height_system(crs.heights, base, geoid_grid)
     if stated is not None:
         return MapFrame(stated.map_crs(flat), None, stated, heights, flat, unused)
-    return MapFrame(flat, parameters, None, heights, None, unused)
+    return MapFrame(flat, parameters, None, heights, None, unused, change)

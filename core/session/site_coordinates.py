@@ -96,8 +96,9 @@ class SiteCoordinates:
             across_m = float(np.hypot(move.east_m, move.north_m))
             way = compass_direction(move.east_m, move.north_m)
             rise = "up" if move.up_m > 0 else "down"
+            begin = "current epoch" if self.frame.change is None else "frame of the receiver"
             return (
-                f"are transformed from the current epoch to that of the map with {move.file}: "
+                f"are transformed from the {begin} to that of the map with {move.file}: "
                 f"{100 * across_m:.1f} cm {way} "
                 f"({100 * move.east_m:+.1f} cm east, {100 * move.north_m:+.1f} cm north) and "
                 f"{100 * abs(move.up_m):.1f} cm {rise}, "

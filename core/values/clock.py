@@ -105,6 +105,11 @@ def iso_utc(t_s: float) -> str:
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
+def decimal_years(t_s: FloatArray) -> FloatArray:
+    """The epochs (n,) of Unix times (n,) as decimal years, whose length of 365.2425 days errs by a day at most."""
+    return 1970.0 + t_s / 31_556_952.0
+
+
 def decimal_year(t_s: float) -> float:
     """The epoch as a decimal year, such as 2026.44."""
     moment = dt.datetime.fromtimestamp(t_s, tz=dt.UTC)
