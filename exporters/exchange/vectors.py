@@ -290,7 +290,7 @@ def _write_geopackage(path: Path, layers: Layers, origin: Origin, zone: ZoneInfo
     known = [part[~np.isnat(part)].astype("datetime64[ms]").astype(np.int64) / 1000.0 for part in times]
     seconds = [float(edge) for part in known if len(part) for edge in (part.min(), part.max())]
     clock = StyleClock(zone, min(seconds), max(seconds)) if seconds else None
-    write_styles(path, {name: list(layer.columns) for name, layer in layers.items()}, clock)
+    write_styles(path, {name: layer.columns for name, layer in layers.items()}, clock)
     return []
 
 

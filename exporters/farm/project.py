@@ -211,7 +211,9 @@ def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSessio
     language = language_of_user()
     aliases = {**COLUMN_LABELS, **FARM_LABELS}
     clocks = _clocks(sessions)
-    found = {name: finished_style(text, language, clocks) for name, text in found.items()}
+    most = max((session.passes for session in sessions), default=1)
+    extremes = {'minimum("pass")': "1", 'maximum("pass")': str(max(most, 1))}
+    found = {name: finished_style(text, language, clocks, extremes) for name, text in found.items()}
     plain = {name: labels for name, labels in VALUES.items() if name != "implement"}
     return {
         name: with_words(found.get(name, _BARE), sorted(fields), language, report=False, aliases=aliases, values=values)

@@ -22,9 +22,9 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
 from furrowmap.exporters.files.vector_layers import UTC_OFFSET, unflushed, write_arrays
-from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, field_layers, geometry_array
 from furrowmap.exporters.vectors.labels import LAYER_NAMES
-from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, with_words
+from furrowmap.exporters.vectors.qgis_styles import StyleClock, field_extremes, finished_style, with_words
 
 PAGE_BYTES: Final = 1024
 """Page size of the file: a few rows of `trajectory`."""
@@ -91,7 +91,7 @@ def write_styled_layers(
     for layer in layers:
         first = None if path.exists() else origin
         write_layer(path, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
-    write_styles(path, {layer.name: tuple(layer.columns) for layer in layers}, clock, of_run=of_run)
+    write_styles(path, {layer.name: layer.columns for layer in layers}, clock, of_run=of_run)
 
 
 def write_layer(
@@ -151,26 +151,30 @@ def _typed(values: NDArray[Any], dtype: str) -> NDArray[Any]:
 
 
 def write_styles(
-    path: Path, fields: Mapping[str, Sequence[str]], clock: StyleClock | None = None, *, of_run: bool = False
+    path: Path, columns: Mapping[str, Columns], clock: StyleClock | None = None, *, of_run: bool = False
 ) -> None:
     """Store the packaged style of each layer for QGIS: the default one in the language of the user, and the others.
 
     Args:
-        fields: of each layer; one of several tools is named by the field `tool`.
+        columns: of each layer; one of several tools is named by the field `tool`.
         clock: of the times in map tips; None for UTC.
         of_run: add words and actions for the tables of a run's layers.
     """
     own = language_of_user()
     packaged = packaged_styles()
     clocks = [clock] if clock is not None else []
+    extremes = {name: field_extremes(values) for name, values in columns.items() if f"{name}.qml" in packaged}
     for language in (own, *(other for other in LANGUAGES if other != own)):
         styles = {
-            name: finished_style(packaged_style(f"{name}.qml"), language, clocks, tools="tool" in columns)
-            for name, columns in fields.items()
-            if f"{name}.qml" in packaged
+            name: finished_style(
+                packaged_style(f"{name}.qml"), language, clocks, of_layer, tools="tool" in columns[name]
+            )
+            for name, of_layer in extremes.items()
         }
         if of_run:
-            styles = {name: with_words(style, fields[name], language, report=True) for name, style in styles.items()}
+            styles = {
+                name: with_words(style, list(columns[name]), language, report=True) for name, style in styles.items()
+            }
         store_styles(path, styles, append=language != own, language="" if language == own else language)
 
 

@@ -6,15 +6,20 @@ values in the data stay the same in every language.
 
 import datetime as dt
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 from xml.etree import ElementTree as ET
+from xml.sax.saxutils import unescape
 from zoneinfo import ZoneInfo
 
+import numpy as np
+from numpy.typing import NDArray
+
 from furrowmap.core.geodesy.local_time import local_time
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.languages.texts import ENGLISH, Text, texts_of
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.qgis_project import DOCTYPE
@@ -34,6 +39,9 @@ _LABELLED_TAGS: Final = ("category", "item", "range", "rule")
 _LINE: Final = re.compile(r"<br>|(?:\[%.*?%\]|(?!<br>).)+", re.DOTALL)
 """A line of a map tip, or its end; an expression may hold one, too."""
 _EXPRESSION: Final = re.compile(r"\[%.*?%\]", re.DOTALL)
+_EXTREME: Final = re.compile(r'(?:minimum|maximum)\((?:&quot;|")\w+(?:&quot;|")(?:, (?:&quot;|")tool(?:&quot;|"))?\)')
+"""Aggregates of QGIS in a style."""
+_QUOTE: Final = {"&quot;": '"'}
 _QUOTED_TEXT: Final = re.compile(r"'([^']*)'")
 _FIELD: Final = re.compile(f'"({"|".join(VALUES)})"')
 _FORMATTED: Final = re.compile(r'format_date\("(start|end|time)",')
@@ -102,11 +110,51 @@ def _actions(language: str) -> str:
     )
 
 
-def finished_style(style: str, language: str, clocks: Sequence["StyleClock"], *, tools: bool = False) -> str:
-    """A packaged style in a language, with local times if there are clocks, and with names of several tools."""
+def finished_style(
+    style: str, language: str, clocks: Sequence["StyleClock"], extremes: Mapping[str, str], *, tools: bool = False
+) -> str:
+    """A packaged style in a language, with local times if there are clocks, and with names of several tools.
+
+    `extremes` are those of :func:`field_extremes`: numbers in place of `minimum("pass")` and its like. QGIS computes
+    these while it draws, in threads that use the project, and crashes where it changes meanwhile (3.40, seen with gdb).
+    """
     style = in_language(style, language)
     style = in_local_times(style, clocks) if clocks else style
-    return naming_tools(style) if tools else style
+    style = naming_tools(style) if tools else style
+    return _EXTREME.sub(lambda found: escape(extremes[unescape(found[0], _QUOTE)], quote=True), style)
+
+
+def field_extremes(columns: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+    """Expressions for the least and greatest values of the numbers in columns, by QGIS's aggregates for them.
+
+    With a column `tool` also those of each tool.
+
+    >>> field_extremes({"pass": np.array([1, 2, 5])})
+    {'minimum("pass")': '1', 'maximum("pass")': '5'}
+    """
+    found = {}
+    tool = columns.get("tool")
+    for name, column in columns.items():
+        if np.ma.getdata(column).dtype.kind not in "iuf":
+            continue
+        values = np.ma.filled(np.ma.asarray(column, dtype=np.float64), np.nan)
+        for aggregate, extreme in (("minimum", np.min), ("maximum", np.max)):
+            found[f'{aggregate}("{name}")'] = _extreme(values, extreme)
+            if tool is not None:
+                known = ", ".join(
+                    f"{_quoted(one)}, {_extreme(values[tool == one], extreme)}" for one in dict.fromkeys(tool.tolist())
+                )
+                found[f'{aggregate}("{name}", "tool")'] = f'map_get(map({known}), "tool")'
+    return found
+
+
+def _extreme(values: FloatArray, extreme: Callable[[FloatArray], Any]) -> str:
+    known = values[np.isfinite(values)]
+    return f"{extreme(known):.9g}" if len(known) else "NULL"
+
+
+def _quoted(text: object) -> str:
+    return "'" + str(text).replace("\\", "\\\\").replace("'", "''") + "'"
 
 
 def in_language(style: str, language: str) -> str:

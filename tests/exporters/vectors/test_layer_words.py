@@ -5,12 +5,19 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
+import numpy as np
 import pytest
 
 from furrowmap.core.runtime.languages.texts import texts_of
-from furrowmap.exporters.files.result_folder import packaged_style
+from furrowmap.exporters.files.result_folder import packaged_style, packaged_styles
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, FARM_LABELS, LAYER_NAMES, VALUES
-from furrowmap.exporters.vectors.qgis_styles import in_language, naming_tools, with_words
+from furrowmap.exporters.vectors.qgis_styles import (
+    field_extremes,
+    finished_style,
+    in_language,
+    naming_tools,
+    with_words,
+)
 
 FIELDS = ("pass", "start", "end", "area_m2", "speed_mps", "zone", "kind", "of_another_program")
 
@@ -60,3 +67,37 @@ def test_words__are_all_in_japanese() -> None:
     words = {word for each in names for word in each.values()}
     for word in words - {"PPP"}:
         assert re.search(r"[ぁ-ヿ一-龥]|RTK FI|RTK FL", texts_of("ja").get(word, word)), word
+
+
+AGGREGATES = (
+    r"\b(minimum|maximum|aggregate|relation_aggregate|array_agg|concatenate\w*|count\w*|sum|mean|median|range)\("
+)
+"""Functions of QGIS over all features of a layer."""
+
+
+@pytest.mark.parametrize("name", sorted(packaged_styles()))
+@pytest.mark.parametrize("tools", [False, True])
+def test_styles__have_numbers_in_place_of_aggregates(name: str, *, tools: bool) -> None:
+    """QGIS computes aggregates in threads that draw, and crashes where the project changes meanwhile."""
+    fields = set(re.findall(r"&quot;(\w+)&quot;", packaged_style(name)))
+    columns = {field: np.array([2.0, 1.0, np.nan]) for field in sorted(fields)}
+    if tools:
+        columns["tool"] = np.array(["drill", "farmer's harrow", "drill"], object)
+    style = finished_style(packaged_style(name), "en", [], field_extremes(columns), tools=tools)
+    ET.fromstring(style)
+    drawn = style.partition("<mapTip")[0]
+    assert not re.findall(AGGREGATES, drawn)
+
+
+def test_extremes__are_those_of_the_numbers_and_of_each_tool() -> None:
+    columns = {
+        "pass": np.ma.MaskedArray([1, 7, 3, 9], [False, False, False, True]),
+        "depth_m": np.array([np.nan, np.nan, 0.25, np.nan]),
+        "tool": np.array(["drill", "drill", "farmer's harrow", "drill"], object),
+    }
+    found = field_extremes(columns)
+    assert found['minimum("pass")'] == "1"
+    assert found['maximum("pass")'] == "7"
+    assert found['maximum("pass", "tool")'] == """map_get(map('drill', 7, 'farmer''s harrow', 3), "tool")"""
+    assert found['minimum("depth_m", "tool")'] == """map_get(map('drill', NULL, 'farmer''s harrow', 0.25), "tool")"""
+    assert not [call for call in found if '("tool"' in call]
