@@ -53,6 +53,7 @@ from .places import choose_folder, common_home, copied, folder_for, free_folder_
 from .replay import Replay, replay
 from .session_lines import NotSimpleError
 from .session_page import SessionPage
+from .still_map import on_still_map
 from .tasks import (
     ENDED,
     TASK_END_MS,
@@ -514,7 +515,7 @@ class FurrowmapDock(QgsDockWidget):
         if self._steps is None and self._to_open:
             self._folder = self._to_open.pop(0)
             self._end_replay()
-            self._steps = opening(self._folder)
+            self._steps = on_still_map(self._iface.mapCanvases(), opening(self._folder))
             self._step()
 
     def show_start(self) -> None:

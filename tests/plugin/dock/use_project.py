@@ -75,6 +75,12 @@ def group_of(folder: Path) -> Any:
 def foreign(group: Any) -> dict[str, str]:
     """Layers of the user in a group of the plugin: a scratch layer, a copy of one of the plugin's, one in a group."""
     first = group.findLayers()[0].layer()
+    owned = (node.layer() for node in group.findLayers())
+    edited = next(layer for layer in owned if isinstance(layer, QgsVectorLayer) and layer.customProperty(KEY))
+    edited.setCustomProperty("skipMemoryLayersCheck", 1)
+    # Before the copy: QGIS 3.40 loses layers of a GeoPackage that are opened after a copy and then an edit.
+    assert edited.startEditing()
+    assert edited.addFeature(QgsFeature(edited.fields()))
     source = "Point?crs=EPSG:6677&field=n:int"
     scratch, inner = (QgsVectorLayer(source, name, "memory") for name in ("scratch", "inner"))
     copy = first.clone()
@@ -84,11 +90,6 @@ def foreign(group: Any) -> dict[str, str]:
     group.insertLayer(0, scratch)
     group.addLayer(copy)
     group.addGroup("mine").addLayer(inner)
-    others = (node.layer() for node in group.findLayers() if node.layer() is not copy)
-    edited = next(layer for layer in others if isinstance(layer, QgsVectorLayer) and layer.customProperty(KEY))
-    edited.setCustomProperty("skipMemoryLayersCheck", 1)
-    assert edited.startEditing()
-    assert edited.addFeature(QgsFeature(edited.fields()))
     return {layer.name(): layer.id() for layer in (scratch, inner, copy)} | {"edited": edited.id()}
 
 
@@ -106,6 +107,8 @@ def users_layers() -> Iterator[Any]:
     told(run="done", farm="done", answers={
         "run": {"folder": str(DRIVE), "products": ["report.json"], "figures": {}}, "farm": {"sessions": 1},
     })  # fmt: skip
+    # Before QGIS opens them: a file that this process opens and closes itself loses the locks of SQLite.
+    shutil.copytree(DRIVE.parent, OUT / "second")
     farm = OUT / "farm.gpkg"
     shutil.copyfile(DRIVE / "field.gpkg", farm)
     preview = OUT / "preview"
@@ -155,7 +158,6 @@ def users_layers() -> Iterator[Any]:
         yield from opened(DRIVE)
 
     def batch() -> Iterator[Any]:
-        shutil.copytree(DRIVE.parent, OUT / "second", dirs_exist_ok=True)
         os.utime(OUT / "second" / "session_result" / "report.json", (4e9, 4e9))
         os.utime(DRIVE / "report.json", (4e9, 4e9))
         drop(dock, [DRIVE.parent, OUT / "second"])
