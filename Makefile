@@ -5,8 +5,8 @@ BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 INSTALLED := $(VENV)/.installed
 PARTS := core exporters cli
 TESTS ?= tests
-# In the order of tests/conftest.py: slow files first.
-TWO_WORKERS := -n 2 --dist loadfile --no-loadscope-reorder
+# Slow files first, as in tests/conftest.py. A third of their time tests wait, so that three workers keep two cores busy.
+WORKERS := -n 3 --dist loadfile --no-loadscope-reorder
 OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one \
   tests/exporters/files/test_two_hosts.py
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/flights.py benchmarks/dates.py benchmarks/outages.py benchmarks/ground.py \
@@ -29,14 +29,14 @@ demo: $(INSTALLED)  ## simulate a tractor's recording, run furrowmap on it, show
 
 quick: $(INSTALLED)  ## style, and the tests that need neither QGIS, browser, samples nor whole runs: three minutes
 	$(BIN)/ruff check
-	$(BIN)/python -m pytest -q $(TWO_WORKERS) -m "not slow"
+	$(BIN)/python -m pytest -q $(WORKERS) -m "not slow"
 
 test: lint  ## everything that must hold: style, types for three platforms, tests
 	@$(MAKE) --no-print-directory -j 2 typecheck all-tests
 
 all-tests: $(INSTALLED)
 	$(BIN)/furrowmap warm-up  # once, in two processes: two workers would compile the same kernels at the same time
-	$(BIN)/python -m pytest $(TWO_WORKERS)
+	$(BIN)/python -m pytest $(WORKERS)
 
 fuzz: $(INSTALLED)  ## damaged inputs to all readers, or some: make fuzz MINUTES=5 ONLY=laz
 	$(BIN)/python -m tests.fuzz --minutes $(or $(MINUTES),5) $(if $(ONLY),--only $(ONLY)) $(if $(FIRST),--first $(FIRST))
@@ -49,7 +49,7 @@ kills: $(INSTALLED)  ## writers killed at random moments, full disks, links in t
 
 test-lowest: build/lowest.txt  ## the quick tests with the lowest versions that pyproject.toml allows
 	$(PYTHON) scripts/setup.py build/venv-lowest test $<
-	NUMBA_CACHE_DIR=$(CURDIR)/build/kernels-lowest build/venv-lowest/bin/python -m pytest $(TWO_WORKERS) -m "not slow"
+	NUMBA_CACHE_DIR=$(CURDIR)/build/kernels-lowest build/venv-lowest/bin/python -m pytest $(WORKERS) -m "not slow"
 
 build/lowest.txt: pyproject.toml scripts/lowest.py
 	@mkdir -p build
@@ -57,7 +57,7 @@ build/lowest.txt: pyproject.toml scripts/lowest.py
 
 test-python:  ## the tests with another Python: make test-python PYTHON=python3.13 TESTS=tests
 	$(PYTHON) scripts/setup.py build/venv-$(notdir $(PYTHON)) test
-	build/venv-$(notdir $(PYTHON))/bin/python -m pytest $(TWO_WORKERS) $(TESTS)
+	build/venv-$(notdir $(PYTHON))/bin/python -m pytest $(WORKERS) $(TESTS)
 
 test-open3d:  ## the tests that need Open3D, in an environment with it (400 MB); it needs libusb of the system
 	$(PYTHON) scripts/setup.py build/venv-open3d test
@@ -130,7 +130,7 @@ golden: $(INSTALLED)  ## results on sample recordings, compared with those of a 
 
 coverage: $(INSTALLED)  ## branches of core and exporters that all tests run, and which test runs which line
 	@rm -rf build/coverage && mkdir -p build/coverage
-	nice $(BIN)/python -m pytest $(TWO_WORKERS) $(PARTS:%=--cov=%) --cov=app --cov-context=test --cov-report= \
+	nice $(BIN)/python -m pytest $(WORKERS) $(PARTS:%=--cov=%) --cov=app --cov-context=test --cov-report= \
 	  --junitxml=build/coverage/tests.xml
 	$(BIN)/python -m coverage report --include='core/*,exporters/*' --skip-covered --show-missing --fail-under=97
 

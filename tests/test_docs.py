@@ -96,6 +96,7 @@ def test_site__opens_from_the_disk(site: Path) -> None:
 def test_site__is_no_wider_than_a_phone(site: Path, browser: Browser) -> None:
     """Wide tables, code and pictures scroll by themselves, or become smaller."""
     phone = browser.new_context(viewport={"width": PHONE_PX, "height": 740}, is_mobile=True, has_touch=True)
+    phone.set_offline(True)  # a page read from a file asks for a script of the net, and waits for it
     shown = phone.new_page()
     widths = {}
     for page in sorted(site.rglob("*.html")):
