@@ -399,6 +399,7 @@ class SolveSettings:
         base: Antenna of the base in degrees and metres above the ellipsoid [default: approximate, from its file].
         static: The rover stands still.
         mask_deg: Leave out satellites below this elevation.
+        antennas: Calibrations of antennas (ANTEX, such as igs20.atx): positions are then from marker to marker.
     """
 
     base: tuple[float, float, float] | None = setting(
@@ -406,6 +407,7 @@ class SolveSettings:
     )
     static: bool = setting("--static", default=False, label="The rover stands still")
     mask_deg: float = setting("--mask", "DEGREES", default=15.0, minimum=0.0, maximum=90.0, label="Elevation mask")
+    antennas: str | Path | None = setting("--antennas", "FILE", label="Calibrations of antennas (ANTEX)")
 
 
 @dataclass(frozen=True)

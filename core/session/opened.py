@@ -29,6 +29,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out, resolved
 from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.session.antenna_model import with_phase_centre
 from furrowmap.core.session.session_camera import camera_of, camera_table, images_of, mounted
 from furrowmap.core.session.session_file import load_session
 from furrowmap.core.values.camera import Camera
@@ -86,6 +87,7 @@ class Inputs:
     within: Path | None
     check_points: Path | None
     ground_control: Path | None
+    antex: Path | None
 
     @classmethod
     def find(cls, session_file: Path, session: Session) -> "Inputs":
@@ -112,6 +114,7 @@ class Inputs:
             within=one(session.field.within),
             check_points=one(session.field.check_points),
             ground_control=one(session.field.control_points),
+            antex=one(session.antenna.antex if session.antenna is not None else None),
             images=camera_table(session_file, camera),
             camera=several(camera.files if camera is not None and camera.topic is not None else ()),
             control_points=one(camera.control_points if camera is not None else None),
@@ -290,6 +293,7 @@ def open_session(session_file: Path) -> OpenSession:
     """
     session = load_session(session_file)
     inputs = Inputs.find(session_file, session)
+    session = with_phase_centre(session, inputs.antex)
     return OpenSession(session_file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
 
 

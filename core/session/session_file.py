@@ -275,6 +275,11 @@ def _faults(session: Session) -> Iterator[Words]:
             wanted=CURRENT_EPOCH,
             stated=session.crs.coordinates,
         )
+    antenna = session.antenna
+    if antenna is not None and (antenna.model is None) != (antenna.antex is None):
+        yield Text(
+            "antenna.model and antenna.antex need each other: the name of the antenna, and the file with its model"
+        )
     if session.field.time_zone is not None and session.field.time_zone not in zoneinfo.available_timezones():
         yield Text(
             "field.time_zone {zone!r} is no time zone of the IANA database, such as 'Asia/Tokyo'",

@@ -64,9 +64,15 @@ class Crs(TomlTable, frozen=True):
 
 
 class Antenna(TomlTable, frozen=True):
-    """`[antenna]`: the lever arm, the phase centre of the GNSS antenna in the vehicle frame."""
+    """`[antenna]`: the lever arm, the phase centre of the GNSS antenna in the vehicle frame.
+
+    With `model` and `antex` it is that of the antenna's reference point.
+    """
 
     xyz_m: Vector3
+    model: str | None = None
+    antex: str | None = None
+    phase: Literal["mean", "ionosphere-free"] = "mean"
     baseline_yaw_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
     heading_sigma_deg: _Positive | None = None
 
@@ -348,6 +354,9 @@ EXAMPLES: Final = {
     "crs.parameters": '"SemiDyna2026.par"',
     "crs.geoid_grid": '"us_nga_egm08_25.tif"',
     "antenna.xyz_m": "[1.85, 0.0, 1.62]",
+    "antenna.model": '"TRM57971.00 NONE"',
+    "antenna.antex": '"igs20.atx"',
+    "antenna.phase": '"ionosphere-free"',
     "antenna.baseline_yaw_deg": "90.0",
     "antenna.heading_sigma_deg": "0.3",
     "lidar.name": '"rear"',

@@ -52,6 +52,8 @@
   <message><source>CSV or GeoPackage.</source><translation>CSV または GeoPackage。</translation></message>
   <message><source>CSV or spreadsheet with what each parcel or treatment received.</source><translation>各区画または各処理に何を与えたかを示す CSV または表計算ファイル。</translation></message>
   <message><source>Calibrate the mounting</source><translation>取り付けのキャリブレーション</translation></message>
+  <message><source>Calibrations of antennas (ANTEX)</source><translation>アンテナの校正値（ANTEX）</translation></message>
+  <message><source>Calibrations of antennas (ANTEX, such as igs20.atx): positions are then from marker to marker.</source><translation>アンテナの校正値（ANTEX、igs20.atx など）。位置は標石から標石へのものになります。</translation></message>
   <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
   <message><source>Canopy</source><translation>樹冠・群落</translation></message>
   <message><source>Canopy height</source><translation>樹冠高</translation></message>

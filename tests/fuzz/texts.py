@@ -18,6 +18,7 @@ from furrowmap.core.coverage.field_boundary import field_boundary
 from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.crops.trial_tables import read_treatments
 from furrowmap.core.geodesy.projection import map_frame, read_parameters
+from furrowmap.core.readers.antex import antenna_model
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
@@ -26,6 +27,7 @@ from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.values.session import Crs
 from tests.core.geodesy.test_coordinates import QUARTER
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
+from tests.core.readers.test_antex import SATELLITE, UNDER_SNOW, ZEPHYR, antex
 from tests.core.readers.test_boundary import RING, agopengps_folder
 from tests.fuzz.mutations import Files
 from tests.fuzz.positions import STATES, mend_nmea, nmea, section_seeds
@@ -128,6 +130,11 @@ def read_par(path: Path) -> None:
     read_parameters(path).to_map(*here)
 
 
+def antennas(folder: Path) -> list[Files]:
+    """Calibrations of a satellite and of two antennas."""
+    return [{"igs20.atx": antex(SATELLITE, UNDER_SNOW, ZEPHYR).encode()}]
+
+
 def mounts(folder: Path) -> list[Files]:
     """The attitude of a mount in UTC and in seconds of the GPS week."""
     rows = "".join(f"{k / 10:.1f},{np.sin(k):.3f},{np.cos(k):.3f},0.5\n" for k in range(30))
@@ -195,6 +202,7 @@ TEXTS = (
     Entry("parcels", parcels, lambda path: read_parcels(path, FRAME.crs, (5.0, 1.0)), trials=60),
     Entry("treatments", treatments, lambda path: read_treatments(path, dt.date(2017, 5, 23)), trials=60),
     Entry("parameters", parameters, read_par),
+    Entry("antennas", antennas, lambda path: antenna_model(path, "TRM57971.00"), trials=60),
     Entry("mount", mounts, lambda path: read_mount(path, 1.78e9, []), trials=60),
     Entry("session", sessions, read_session, trials=60),
     Entry("task-data-zip", archives, EACH_WAY),

@@ -38,6 +38,7 @@ from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.las.e57_files import POSE, e57, some_rows
 from tests.core.readers.las.test_tables import ROWS, pcd, ply
 from tests.core.readers.small_bags import ROS1, mixed, write_bag1, write_bag2
+from tests.core.readers.test_antex import SATELLITE, ZEPHYR, antex
 from tests.core.readers.test_boundary import RING, agopengps_folder
 from tests.core.readers.test_gsof import epoch, transmission
 from tests.core.readers.test_novatel import BINARY, TEXT
@@ -390,6 +391,7 @@ def _tables(folder: Path, track: GnssTrack) -> Made:
     region = replace(TILLER.region, columns=columns, still_m=np.ones((2, IMAGE_COLUMNS), np.float32))
     save_implement(place, replace(TILLER, region=region))
     yield "implement.npz", {"implement.npz": place.read_bytes()}, ("implement.learned",)
+    yield "igs20.atx", {"igs20.atx": antex(SATELLITE, ZEPHYR).encode()}, ("antenna.antex",)
     yield "SemiDyna2026.par", {"SemiDyna2026.par": shifts.encode()}, ("crs.parameters",)
 
 

@@ -1,12 +1,15 @@
 """Post-processed GNSS positions by RTKLIB's `rnx2rtkp`."""
 
 import re
+import shutil
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
+from furrowmap.core.readers.antex import antenna_model
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import look
@@ -24,6 +27,11 @@ SYSTEMS: Final = "G,R,E,J,C"
 """GPS, GLONASS, Galileo, QZSS, BeiDou."""
 _KINEMATIC: Final = "2"
 _STATIC: Final = "3"
+_ANTENNA: Final = re.compile(rb"^.{20}(.{20}).{20}ANT # / TYPE", re.MULTILINE)
+_ANTENNAS_FILE: Final = "antennas.atx"
+_OPTIONS_FILE: Final = "antennas.conf"
+_OF_THE_HEADERS: Final = f"ant1-anttype =*\nant2-anttype =*\nfile-rcvantfile ={_ANTENNAS_FILE}\n"
+"""Types and heights of both antennas are those in the headers of RINEX."""
 _APPROXIMATE: Final = re.compile(rb"^(.{14})(.{14})(.{14}).{18}APPROX POSITION XYZ", re.MULTILINE)
 MIN_RADIUS_M: Final = 6_000_000.0
 """Nearer to the earth's centre no antenna stands: the header was left at 0."""
@@ -83,13 +91,24 @@ def solve_gnss(
     target = Path(out) if out is not None else rover.with_suffix(".pos")
     refuse_existing(target, overwrite=overwrite)
     place, notices = _base_position(base, settings)
+    antex = Path(settings.antennas) if settings.antennas is not None else None
+    if antex is not None:
+        for path in (rover, base):
+            antenna_model(antex, _antenna_of(path))
     progress("solving positions", 0.0)
     with atomic_output(target) as unfinished:
         mode = _STATIC if settings.static else _KINEMATIC
         options = ["-p", mode, "-c", "-t", "-m", f"{settings.mask_deg:g}", "-sys", SYSTEMS]
         # RTKLIB was found in PATH, and every path is absolute, so that none is read as an option.
         paths = [str(resolved(path)) for path in (unfinished, rover, base, *map(Path, navigation))]
-        done = subprocess.run([program, *options, *place, "-o", *paths], capture_output=True, check=False)  # noqa: S603
+        with TemporaryDirectory() as folder:
+            if antex is not None:
+                # Names of the options' file end at a number sign, so that the calibrations get one without.
+                shutil.copyfile(antex, Path(folder) / _ANTENNAS_FILE)
+                (Path(folder) / _OPTIONS_FILE).write_text(_OF_THE_HEADERS, encoding="ascii")
+                options = ["-k", _OPTIONS_FILE, *options]
+            command = [program, *options, *place, "-o", *paths]
+            done = subprocess.run(command, capture_output=True, check=False, cwd=folder)  # noqa: S603
         track = _solution(unfinished, done, rover)
     progress("solving positions", 1.0)
     by_fix = {fix.label: int((track.fix == fix).sum()) for fix in Fix}
@@ -101,6 +120,15 @@ def solve_gnss(
         iso_utc(float(track.t_s[-1])),
         notices,
     )
+
+
+def _antenna_of(rinex: Path) -> str:
+    """Type and radome of the antenna in the header of a RINEX file. Raises InputError if there are none."""
+    found = _ANTENNA.search(look(rinex).data)
+    name = found[1].decode("latin-1").strip() if found is not None else ""
+    if not name:
+        raise InputError("antenna-unnamed", path=rinex)
+    return name
 
 
 def _base_position(base: Path, settings: SolveSettings) -> tuple[list[str], tuple[Notice, ...]]:

@@ -12,6 +12,7 @@ import msgspec
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.file_names import is_file_name, is_portable_name
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
+from furrowmap.core.session.antenna_model import with_phase_centre
 from furrowmap.core.session.machine_file import load_machine, machine_of, machine_text
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.session.session_file import load_session
@@ -118,7 +119,11 @@ def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = 
         if not is_portable_name(f"{machine}{SUFFIX}"):
             raise UsageError("usage.target", machine=str(machine))
         target = machines_folder() / f"{machine}{SUFFIX}"
-    found = machine_of(load_session(Path(session)), target.stem)
+    stated = load_session(Path(session))
+    # A profile lies elsewhere than the file of the antenna's model: it keeps the place of the phase centre.
+    antex = stated.antenna.antex if stated.antenna is not None else None
+    stated = with_phase_centre(stated, resolve(Path(session), antex) if antex is not None else None)
+    found = machine_of(stated, target.stem)
     if found == Machine(name=target.stem):
         raise InputError("machine-empty", session=session)
     refuse_existing(target, overwrite=overwrite)

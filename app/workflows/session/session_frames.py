@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.session.antenna_model import with_phase_centre
 from furrowmap.core.session.frame_tree import FrameTree, frame_tree
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.session.session_file import load_session
@@ -22,9 +23,9 @@ def frames(session: str | Path, svg: str | Path | None = None) -> FrameTree:
     """
     path = Path(session)
     stated = load_session(path)
-    parameters, geoid_grid = (
-        resolve(path, name) if name is not None else None for name in (stated.crs.parameters, stated.crs.geoid_grid)
-    )
+    names = (stated.crs.parameters, stated.crs.geoid_grid, stated.antenna.antex if stated.antenna is not None else None)
+    parameters, geoid_grid, antex = (resolve(path, name) if name is not None else None for name in names)
+    stated = with_phase_centre(stated, antex)
     tree = frame_tree(stated, map_frame(stated.crs, parameters, geoid_grid))
     if svg is not None:
         with atomic_output(Path(svg)) as unfinished:

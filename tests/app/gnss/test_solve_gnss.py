@@ -15,6 +15,7 @@ from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.recordings import open_recording
 from tests.conftest import installed
+from tests.core.readers.test_antex import antex
 
 ROVER_XYZ = (-3976219.5082, 3382372.5671, 3652512.9849)
 BASE_XYZ = (-3978242.4348, 3382841.1715, 3649902.7667)
@@ -114,3 +115,45 @@ def test_missing_rtklib__is_three_lines(tmp_path: Path, monkeypatch: pytest.Monk
 def test_invalid_base_position__is_a_usage_error(capfd: pytest.CaptureFixture[str]) -> None:
     assert command_line(["gnss", "solve", "a", "b", "c", "--base-position", "141.3,443.0,46"]) == 2
     assert "latitude first" in capfd.readouterr().err
+
+
+def with_antenna(path: Path, name: str, height_m: float) -> None:
+    """Enter another antenna, and its height above the marker, in the header of a file."""
+    text = path.read_text(encoding="ascii")
+    text = text.replace("TRM29659.00         ", f"{name:20}").replace(
+        "        0.0000        0.0000", f"{height_m:14.4f}        0.0000"
+    )
+    path.write_text(text, encoding="ascii")
+
+
+def solved_height_m(rinex: tuple[Path, Path, Path], antennas: Path | None) -> float:
+    out = rinex[0].with_name("antennas.pos")
+    settings = furrowmap.SolveSettings(antennas=antennas)
+    furrowmap.solve_gnss(*rinex[:2], [rinex[2]], out, settings, overwrite=True)
+    track = open_recording(out).track()  # type: ignore[attr-defined]
+    return float(np.median(track.height_m[track.fix == 4]))
+
+
+def test_antennas__bring_positions_from_marker_to_marker(rtklib: str, rinex: tuple[Path, Path, Path]) -> None:
+    """The rover's phase centre is 0.1 m higher in its antenna, which stands 0.25 m above the marker."""
+    before = solved_height_m(rinex, None)
+    with_antenna(rinex[0], "TALL            NONE", 0.25)
+    with_antenna(rinex[1], "FLAT            NONE", 0.0)
+    calibrations = rinex[0].with_name("a # b.atx")
+    flat = {"G01": (0.0, 0.0, 0.0), "G02": (0.0, 0.0, 0.0)}
+    tall = {"G01": (0.0, 0.0, 100.0), "G02": (0.0, 0.0, 100.0)}
+    calibrations.write_text(antex(("FLAT            NONE", flat), ("TALL            NONE", tall)), encoding="ascii")
+    assert solved_height_m(rinex, calibrations) - before == pytest.approx(-0.35, abs=0.01)
+
+
+def test_antennas__that_are_unknown_or_unnamed_are_errors(rtklib: str, rinex: tuple[Path, Path, Path]) -> None:
+    calibrations = rinex[0].with_name("a.atx")
+    calibrations.write_text(antex(("FLAT            NONE", {"G01": (0.0, 0.0, 0.0)})), encoding="ascii")
+    with pytest.raises(InputError) as caught:
+        solved_height_m(rinex, calibrations)
+    assert caught.value.code == "antenna-model-unknown"
+    assert "TRM29659.00" in str(caught.value)
+    with_antenna(rinex[0], "", 0.0)
+    with pytest.raises(InputError) as caught:
+        solved_height_m(rinex, calibrations)
+    assert caught.value.code == "antenna-unnamed"
