@@ -27,7 +27,7 @@ SYSTEMS: Final = "G,R,E,J,C"
 """GPS, GLONASS, Galileo, QZSS, BeiDou."""
 _KINEMATIC: Final = "2"
 _STATIC: Final = "3"
-_ANTENNA: Final = re.compile(rb"^.{20}(.{20}).{20}ANT # / TYPE", re.MULTILINE)
+_ANTENNA_TYPE: Final = re.compile(rb"^.{20}(.{20}).{20}ANT # / TYPE", re.MULTILINE)
 _ANTENNAS_FILE: Final = "antennas.atx"
 _OPTIONS_FILE: Final = "antennas.conf"
 _OF_THE_HEADERS: Final = f"ant1-anttype =*\nant2-anttype =*\nfile-rcvantfile ={_ANTENNAS_FILE}\n"
@@ -124,7 +124,7 @@ def solve_gnss(
 
 def _antenna_of(rinex: Path) -> str:
     """Type and radome of the antenna in the header of a RINEX file. Raises InputError if there are none."""
-    found = _ANTENNA.search(look(rinex).data)
+    found = _ANTENNA_TYPE.search(look(rinex).data)
     name = found[1].decode("latin-1").strip() if found is not None else ""
     if not name:
         raise InputError("antenna-unnamed", path=rinex)
