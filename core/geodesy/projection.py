@@ -28,7 +28,7 @@ from pyproj.enums import PJType
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
-from furrowmap.core.geodesy.frame_change import FrameChange, frame_change
+from furrowmap.core.geodesy.crs_change import FrameChange, frame_change
 from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.geodesy.longitudes import middle_deg
 from furrowmap.core.runtime.arrays import FloatArray

@@ -14,7 +14,6 @@ import numpy as np
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.live.difference import LiveDifference
 from furrowmap.core.pointclouds.placed_scans import Placement
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.strips.boresight import Boresight
@@ -28,6 +27,7 @@ from furrowmap.core.values.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from furrowmap.core.images.image_aiding import ImageAid
+    from furrowmap.core.live.difference import LiveDifference
     from furrowmap.core.matching.matched import Matched
     from furrowmap.core.matching.relative_mounting import RelativeMounting
     from furrowmap.core.pipeline.control.control_points import ControlResult

@@ -11,6 +11,7 @@ import msgspec
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.agopengps import is_field_folder
+from furrowmap.core.readers.antex import antenna_model
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.isoxml.content import is_task_data
 from furrowmap.core.readers.reader import (
@@ -29,7 +30,6 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out, resolved
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.session.antenna_model import with_phase_centre
 from furrowmap.core.session.session_camera import camera_of, camera_table, images_of, mounted
 from furrowmap.core.session.session_file import load_session
 from furrowmap.core.values.camera import Camera
@@ -295,6 +295,26 @@ def open_session(session_file: Path) -> OpenSession:
     inputs = Inputs.find(session_file, session)
     session = with_phase_centre(session, inputs.antex)
     return OpenSession(session_file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
+
+
+def with_phase_centre(session: Session, antex: Path | None) -> Session:
+    """The session with the phase centre of its antenna as the lever arm; unchanged without a model.
+
+    Only the offset upwards is used: how the mark of an antenna is turned in the vehicle is not known, and the others
+    are a millimetre or two.
+
+    Raises:
+        InputError: if the file is no ANTEX, or has no such antenna.
+    """
+    antenna = session.antenna
+    if antenna is None or antenna.model is None or antex is None:
+        return session
+    up_m = antenna_model(antex, antenna.model).phase_centre_m(ionosphere_free=antenna.phase == "ionosphere-free")[2]
+    x, y, z = antenna.xyz_m
+    place = (x, y, round(z + float(up_m), 5))
+    return msgspec.structs.replace(
+        session, antenna=msgspec.structs.replace(antenna, xyz_m=place, model=None, antex=None)
+    )
 
 
 def watched(scans: Iterator[Scan], recording: LidarRecording, progress: Progress, stage: str) -> Iterator[Scan]:

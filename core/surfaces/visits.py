@@ -1,13 +1,17 @@
 """Height differences between swaths over the same ground: an accuracy check without a survey."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.core.surfaces.spool import TilePoints
+
+if TYPE_CHECKING:
+    from furrowmap.core.surfaces.spool import TilePoints
 
 SWATH_PAUSE_S: Final = 20.0
 """A pause this long separates swaths."""

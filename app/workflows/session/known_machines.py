@@ -12,9 +12,8 @@ import msgspec
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.file_names import is_file_name, is_portable_name
 from furrowmap.core.runtime.plain_reads import read_plain_bytes
-from furrowmap.core.session.antenna_model import with_phase_centre
 from furrowmap.core.session.machine_file import load_machine, machine_of, machine_text
-from furrowmap.core.session.opened import resolve
+from furrowmap.core.session.opened import resolve, with_phase_centre
 from furrowmap.core.session.session_file import load_session
 from furrowmap.core.values.machine import Machine, MachineImplement
 from furrowmap.exporters.files.atomic import atomic_output, make_folder, refuse_existing

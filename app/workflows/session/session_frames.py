@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.session.antenna_model import with_phase_centre
 from furrowmap.core.session.frame_tree import FrameTree, frame_tree
-from furrowmap.core.session.opened import resolve
+from furrowmap.core.session.opened import resolve, with_phase_centre
 from furrowmap.core.session.session_file import load_session
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.reports.drawings import frames_svg
