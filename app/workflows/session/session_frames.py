@@ -7,7 +7,7 @@ from furrowmap.core.session.frame_tree import FrameTree, frame_tree
 from furrowmap.core.session.opened import resolve, with_phase_centre
 from furrowmap.core.session.session_file import load_session
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.reports.drawings import frames_svg
+from furrowmap.exporters.reports.frame_drawing import frames_svg
 
 
 def frames(session: str | Path, svg: str | Path | None = None) -> FrameTree:
