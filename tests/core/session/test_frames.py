@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.session.frame_tree import direction_words
-from furrowmap.exporters.reports.drawings import LINE_HEIGHT
+from furrowmap.exporters.reports.frame_drawing import LINE_HEIGHT
 
 
 def matrix(xyz_m: tuple[float, ...], rpy_deg: tuple[float, ...]) -> np.ndarray:
