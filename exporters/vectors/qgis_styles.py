@@ -8,11 +8,10 @@ import datetime as dt
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
+from html import escape, unescape
 from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree as ET
-from xml.sax.saxutils import unescape
 from zoneinfo import ZoneInfo
 
 import numpy as np
