@@ -129,6 +129,7 @@ READING_METHODS = {
     "read_dataframe", "read_arrow", "from_path", "fromfile", "extractall",
 }  # fmt: skip
 DOORS = {
+    "core/readers/antex.py": "calibrations of antennas",
     "core/readers/csv_file.py": "logs in CSV", "core/readers/csv_text.py": "rows of a CSV",
     "core/readers/text_table.py": "tables: text, spreadsheets, archives of a layer",
     "core/readers/vector_file.py": "polygons and points of vector files",

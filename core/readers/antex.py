@@ -15,7 +15,7 @@ import numpy as np
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.languages.texts import Text, Words, reason
-from furrowmap.core.runtime.plain_reads import open_plain
+from furrowmap.core.runtime.plain_reads import open_plain, read_plain_bytes
 
 L1: Final = "G01"
 L2: Final = "G02"
@@ -81,6 +81,14 @@ def antenna_model(path: Path, name: str) -> AntennaModel:
     except OSError as error:
         raise _unreadable(path, reason(error)) from None
     raise InputError("antenna-model-unknown", path=path, name=name, number=number, radomes=radomes)
+
+
+def copy_antex(path: Path, target: Path) -> None:
+    """Copy calibrations to where another program reads them. Raises InputError if they cannot be read."""
+    try:
+        target.write_bytes(read_plain_bytes(path))
+    except OSError as error:
+        raise _unreadable(path, reason(error)) from None
 
 
 def _with_radome(name: str) -> str:

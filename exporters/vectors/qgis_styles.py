@@ -40,7 +40,6 @@ _LINE: Final = re.compile(r"<br>|(?:\[%.*?%\]|(?!<br>).)+", re.DOTALL)
 _EXPRESSION: Final = re.compile(r"\[%.*?%\]", re.DOTALL)
 _EXTREME: Final = re.compile(r'(?:minimum|maximum)\((?:&quot;|")\w+(?:&quot;|")(?:, (?:&quot;|")tool(?:&quot;|"))?\)')
 """Aggregates of QGIS in a style."""
-_QUOTE: Final = {"&quot;": '"'}
 _QUOTED_TEXT: Final = re.compile(r"'([^']*)'")
 _FIELD: Final = re.compile(f'"({"|".join(VALUES)})"')
 _FORMATTED: Final = re.compile(r'format_date\("(start|end|time)",')
@@ -120,7 +119,7 @@ def finished_style(
     style = in_language(style, language)
     style = in_local_times(style, clocks) if clocks else style
     style = naming_tools(style) if tools else style
-    return _EXTREME.sub(lambda found: escape(extremes[unescape(found[0], _QUOTE)], quote=True), style)
+    return _EXTREME.sub(lambda found: escape(extremes[unescape(found[0])], quote=True), style)
 
 
 def field_extremes(columns: Mapping[str, NDArray[Any]]) -> dict[str, str]:

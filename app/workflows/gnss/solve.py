@@ -1,7 +1,6 @@
 """Post-processed GNSS positions by RTKLIB's `rnx2rtkp`."""
 
 import re
-import shutil
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from furrowmap.core.readers.antex import antenna_model
+from furrowmap.core.readers.antex import antenna_model, copy_antex
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import look
@@ -104,7 +103,7 @@ def solve_gnss(
         with TemporaryDirectory() as folder:
             if antex is not None:
                 # Names of the options' file end at a number sign, so that the calibrations get one without.
-                shutil.copyfile(antex, Path(folder) / _ANTENNAS_FILE)
+                copy_antex(antex, Path(folder) / _ANTENNAS_FILE)
                 (Path(folder) / _OPTIONS_FILE).write_text(_OF_THE_HEADERS, encoding="ascii")
                 options = ["-k", _OPTIONS_FILE, *options]
             command = [program, *options, *place, "-o", *paths]
