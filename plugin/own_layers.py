@@ -24,6 +24,19 @@ def mark(layer: QgsMapLayer, key: str) -> None:
     layer.setCustomProperty(OPENED_PROPERTY, layer.id())
 
 
+def own_vector(source: str, key: str, title: str, provider: str = "ogr") -> QgsVectorLayer:
+    """A vector layer, opened and marked.
+
+    QGIS 3.40 loses a GeoPackage (features -1) that it opens beside a copy of one of its layers and unsaved edits in
+    another, and finds it when it opens it again.
+    """
+    layer = QgsVectorLayer(source, title, provider)
+    if layer.isValid() and layer.featureCount() < 0:
+        layer = QgsVectorLayer(source, title, provider)
+    mark(layer, key)
+    return layer
+
+
 def key_of(layer: QgsMapLayer | None) -> str:
     """What a layer is; "" for one of the user's."""
     return str(layer.customProperty(KEY_PROPERTY) or "") if layer is not None else ""

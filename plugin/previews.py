@@ -9,11 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from qgis.core import Qgis, QgsMapLayer, QgsProject, QgsRasterLayer, QgsVectorLayer
+from qgis.core import Qgis, QgsMapLayer, QgsProject, QgsRasterLayer
 from qgis.PyQt.QtCore import QCoreApplication
 
 from .figures import MOST
-from .own_layers import emptied_group, groups_with, mark, only_own, take_out
+from .own_layers import emptied_group, groups_with, mark, only_own, own_vector, take_out
 from .products import read_object
 from .styles import load_style_of_language, show_as_surface
 
@@ -86,9 +86,8 @@ def preview_text(account: dict[str, Any]) -> str:
 
 
 def _read_layers(folder: Path) -> Iterator[QgsMapLayer]:
-    track = QgsVectorLayer(f"{folder / TRACK_FILE}|layername=trajectory", tr("trajectory"), "ogr")
+    track = own_vector(f"{folder / TRACK_FILE}|layername=trajectory", Path(TRACK_FILE).stem, tr("trajectory"))
     if track.isValid():
-        mark(track, Path(TRACK_FILE).stem)
         track.loadDefaultStyle()
         load_style_of_language(track)
         track.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)

@@ -36,6 +36,7 @@ from .own_layers import (
     mark,
     nodes_by_key,
     only_own,
+    own_vector,
 )
 from .previews import PREVIEW_PROPERTY, remove_previews
 from .processing.loading import FARM_LAYERS, sources
@@ -227,8 +228,7 @@ def open_farm_map(path: str | Path) -> list[QgsMapLayer]:
     hide_others(project, group, SHOWN_ALONE)
     layers = []
     for number, (source, key) in enumerate(sources(path)):
-        layer = QgsVectorLayer(source, title_of(key), "ogr")
-        mark(layer, key)
+        layer = own_vector(source, key, title_of(key))
         layer.loadDefaultStyle()
         project.addMapLayer(layer, addToLegend=False)
         node = group.insertLayer(place + number, layer)
@@ -247,8 +247,7 @@ def field_layers(folder: Path) -> Iterator[QgsVectorLayer]:
         if details.name() == "layer_styles":
             continue
         key = details.name()
-        layer = QgsVectorLayer(details.uri(), key, details.providerKey())
-        mark(layer, key)
+        layer = own_vector(details.uri(), key, key, details.providerKey())
         layer.loadDefaultStyle()  # again: a new layer takes the symbols of its style, but not the temporal settings
         load_style_of_language(layer)
         if key == "coverage":

@@ -64,6 +64,7 @@ def seen(
 def test_users_layers__survive_every_action_that_clears(seen: dict[str, Any], action: str) -> None:
     assert seen["placed"] == []
     assert seen["lost"][action] == []
+    assert seen["unread"][action] == []
 
 
 def test_actions_that_clear__are_all_there(seen: dict[str, Any]) -> None:

@@ -75,12 +75,6 @@ def group_of(folder: Path) -> Any:
 def foreign(group: Any) -> dict[str, str]:
     """Layers of the user in a group of the plugin: a scratch layer, a copy of one of the plugin's, one in a group."""
     first = group.findLayers()[0].layer()
-    owned = (node.layer() for node in group.findLayers())
-    edited = next(layer for layer in owned if isinstance(layer, QgsVectorLayer) and layer.customProperty(KEY))
-    edited.setCustomProperty("skipMemoryLayersCheck", 1)
-    # Before the copy: QGIS 3.40 loses layers of a GeoPackage that are opened after a copy and then an edit.
-    assert edited.startEditing()
-    assert edited.addFeature(QgsFeature(edited.fields()))
     source = "Point?crs=EPSG:6677&field=n:int"
     scratch, inner = (QgsVectorLayer(source, name, "memory") for name in ("scratch", "inner"))
     copy = first.clone()
@@ -90,6 +84,11 @@ def foreign(group: Any) -> dict[str, str]:
     group.insertLayer(0, scratch)
     group.addLayer(copy)
     group.addGroup("mine").addLayer(inner)
+    others = (node.layer() for node in group.findLayers() if node.layer() is not copy)
+    edited = next(layer for layer in others if isinstance(layer, QgsVectorLayer) and layer.customProperty(KEY))
+    edited.setCustomProperty("skipMemoryLayersCheck", 1)
+    assert edited.startEditing()
+    assert edited.addFeature(QgsFeature(edited.fields()))
     return {layer.name(): layer.id() for layer in (scratch, inner, copy)} | {"edited": edited.id()}
 
 
@@ -97,6 +96,12 @@ def lost(known: dict[str, str]) -> list[str]:
     """Which of them are no longer in the project, or no longer in the layer panel."""
     root = PROJECT.layerTreeRoot()
     return [name for name, key in known.items() if PROJECT.mapLayer(key) is None or root.findLayer(key) is None]
+
+
+def unread() -> list[str]:
+    """Vector layers in the layer panel whose features QGIS cannot read."""
+    layers = [node.layer() for node in PROJECT.layerTreeRoot().findLayers()]
+    return [layer.name() for layer in layers if isinstance(layer, QgsVectorLayer) and layer.featureCount() < 0]
 
 
 def users_layers() -> Iterator[Any]:
@@ -204,6 +209,7 @@ def users_layers() -> Iterator[Any]:
         yield
 
     SEEN["lost"] = {}
+    SEEN["unread"] = {}
     for action, steps in {
         "add to map": add_to_map,
         "rerun": rerun,
@@ -222,6 +228,7 @@ def users_layers() -> Iterator[Any]:
     }.items():
         yield from steps()
         SEEN["lost"][action] = lost(known)
+        SEEN["unread"][action] = unread()
     for layer in PROJECT.mapLayers().values():
         if isinstance(layer, QgsVectorLayer) and layer.isEditable():
             layer.rollBack()
