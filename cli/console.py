@@ -14,7 +14,7 @@ import click
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.core.runtime.errors import FurrowmapError, Notice, printable
 from furrowmap.core.runtime.languages.texts import Text, texts_of
-from furrowmap.core.runtime.progress import Progress, Step
+from furrowmap.core.runtime.progress import Progress, Step, WholeShare
 from furrowmap.core.runtime.settings import language_of_user
 
 log = logging.getLogger("furrowmap.cli")
@@ -154,8 +154,7 @@ class _WholeBar:
     """One bar for steps that are known ahead, which it lists: the step that runs, the share of all, the time left."""
 
     def __init__(self, steps: Sequence[Step]) -> None:
-        self._steps = {step.name: step for step in steps}
-        self._done = dict.fromkeys(self._steps, 0.0)
+        self._whole = WholeShare(steps)
         self._begun_s = time.monotonic()
         self._stage = ""
         self._percent = 0
@@ -167,12 +166,7 @@ class _WholeBar:
         INTERRUPTION.check()
         if stage != self._stage:
             log.info(stage)
-        if stage in self._steps:
-            self._finish_before(self._steps[stage])
-            self._done[stage] = max(self._done[stage], min(share, 1.0))
-        whole = sum(step.usual for step in self._steps.values())
-        done = sum(self._done[step.name] * step.usual for step in self._steps.values())
-        percent = max(self._percent, min(int(100.0 * done / whole), 99))
+        percent = min(int(100.0 * self._whole.take(stage, share)), 99)
         if (stage, percent) != (self._stage, self._percent):
             self._stage = stage
             self._percent = percent
@@ -187,14 +181,6 @@ class _WholeBar:
     def leave(self) -> None:
         """Leave the bar as it is."""
         click.echo(err=True)
-
-    def _finish_before(self, begun: Step) -> None:
-        """A step that begins ends those before it, but for those beside it."""
-        for step in self._steps.values():
-            if step is begun:
-                return
-            if not (step.beside and begun.beside):
-                self._done[step.name] = 1.0
 
     def _draw(self) -> None:
         percent = self._percent

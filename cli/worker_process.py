@@ -37,7 +37,7 @@ from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.cli.main import asked_language, attempt
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
-from furrowmap.core.runtime.progress import Progress, Step
+from furrowmap.core.runtime.progress import Progress, Step, WholeShare
 from furrowmap.core.runtime.settings import using
 from furrowmap.process import prepare_process
 
@@ -116,14 +116,14 @@ class WorkerConsole(Console):
         self,
         *,
         passing: bool = False,  # noqa: ARG002 (there is no progress bar)
-        steps: Sequence[Step] = (),  # noqa: ARG002
+        steps: Sequence[Step] = (),
     ) -> Iterator[Progress]:
-        """Send the progress of long work."""
+        """Send the progress of long work; that of all steps, too, where they are known ahead."""
         with self.reporting_compilation():
-            yield _throttled(self.send)
+            yield _throttled(self.send, WholeShare(steps) if steps else None)
 
 
-def _throttled(send: Send) -> Progress:
+def _throttled(send: Send, whole: WholeShare | None = None) -> Progress:
     """Sends the start of every stage, and then at most ten messages per second."""
     last_stage = ""
     last_s = 0.0
@@ -132,10 +132,11 @@ def _throttled(send: Send) -> Progress:
         nonlocal last_stage, last_s
         INTERRUPTION.check()
         now_s = time.monotonic()
+        of_all = {} if whole is None else {"whole": round(whole.take(stage, share), 4)}
         if stage != last_stage or now_s - last_s >= PERIOD_S:
             last_stage = stage
             last_s = now_s
-            send("progress", stage=stage, share=round(share, 4))
+            send("progress", stage=stage, share=round(share, 4), **of_all)
 
     return show
 

@@ -232,6 +232,11 @@ class _Conversation:
         )
 
 
+def percent_of(message: dict[str, Any]) -> float:
+    """How much is done, by a message of progress: of all stages where these are known ahead, else of one."""
+    return 100.0 * float(message.get("whole", message.get("share", 0.0)))
+
+
 def stage_name(stage: str) -> str:
     """A stage's name in the user's language."""
     return QCoreApplication.translate("Stages", stage)

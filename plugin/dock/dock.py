@@ -962,8 +962,8 @@ class FurrowmapDock(QgsDockWidget):
     def _open_file(self, path: Path) -> None:
         if not path.exists():
             self.report(self.tr("{path} does not exist.").format(path=path))
-        else:
-            QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
+        elif not QDesktopServices.openUrl(QUrl.fromLocalFile(str(path))):
+            self.report(self.tr("{path} was not opened: this computer has no program for it.").format(path=path))
 
     def _print(self) -> None:
         project = QgsProject.instance()

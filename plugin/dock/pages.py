@@ -238,10 +238,9 @@ class RunPage(QWidget):
             item.setText("✓ " + item.text()[2:])
         self.stages.addItem(f"▸ {name}")
         self.stages.scrollToBottom()
-        self.bar.setRange(0, 0)
 
     def show_share(self, percent: float) -> None:
-        """Show the progress within the stage; at 0 the bar is indeterminate."""
+        """Show the progress of all stages, or of one where no more is known; at 0 the bar is indeterminate."""
         if percent > 0:
             self.bar.setRange(0, 100)
             self.bar.setValue(round(percent))

@@ -27,7 +27,7 @@ from ..previews import open_preview, preview_text, read_account, remove_previews
 from ..processing.algorithm import ERROR_CODE, ERROR_EXTRA, ERROR_SETTING
 from ..products import product
 from ..results import REPORT, read_report
-from ..worker import WorkerCancelled, WorkerError, run_command
+from ..worker import WorkerCancelled, WorkerError, percent_of, run_command
 from .form_parts import FILL_IN, FORM_CODES
 
 QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
@@ -154,7 +154,7 @@ class CommandTask(QgsTask):
 
     def _on_message(self, message: dict[str, Any]) -> None:
         if message["type"] == "progress":
-            self.setProgress(100.0 * float(message.get("share", 0.0)))
+            self.setProgress(percent_of(message))
 
 
 class CopyTask(QgsTask):

@@ -682,6 +682,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>{path} cannot be added: {reason}.</source><translation>{path} を追加できません：{reason}。</translation></message>
   <message><source>{path} cannot be read: {reason}.</source><translation>{path} を読めません：{reason}。</translation></message>
   <message><source>{path} does not exist.</source><translation>{path} が存在しません。</translation></message>
+  <message><source>{path} was not opened: this computer has no program for it.</source><translation>{path} を開けませんでした。このコンピュータには対応するプログラムがありません。</translation></message>
 </context>
 <context>
   <name>FurrowmapPlugin</name>

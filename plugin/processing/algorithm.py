@@ -30,7 +30,7 @@ from ..dock_words import in_dock_words
 from ..interpreter import find_interpreter, is_usable
 from ..previews import open_preview
 from ..results import open_results
-from ..worker import WorkerCancelled, WorkerError, run_command, stage_name
+from ..worker import WorkerCancelled, WorkerError, percent_of, run_command, stage_name
 from .description import ALGORITHMS, COMMAND_OPTIONS, TOOLBOX_GROUPS, Algorithm, Parameter
 from .layer_files import first_unknown, layer_files
 from .loading import is_raster, load_when_done, style_when_done
@@ -340,7 +340,7 @@ def _html(text: str) -> str:
 
 
 class _Listener:
-    """Passes the worker's messages on to QGIS's feedback; a stage's share is the progress."""
+    """Passes the worker's messages on to QGIS's feedback."""
 
     def __init__(self, feedback: QgsProcessingFeedback) -> None:
         self.feedback = feedback
@@ -352,7 +352,7 @@ class _Listener:
             if message.get("stage") != self.stage:
                 self.stage = message.get("stage")
                 self.feedback.setProgressText(stage_name(str(self.stage)))
-            self.feedback.setProgress(100.0 * float(message.get("share", 0.0)))
+            self.feedback.setProgress(percent_of(message))
         elif kind == "warning":
             self.feedback.pushWarning(in_dock_words(str(message.get("text", ""))))
         else:

@@ -152,6 +152,13 @@ def test_run__over_another_recording_says_so_in_full_and_replaces_or_keeps_both(
     assert seen["kept_both"] == ["session_result", "session_result-2"]
 
 
+def test_run__one_bar_for_all_stages(seen: dict[str, Any]) -> None:
+    percent = [value for value in seen["percent"] if value >= 0]
+    assert percent == sorted(percent)
+    assert percent[-1] > 80
+    assert len(percent) > len(seen["stages"])
+
+
 def test_drop__recordings_become_a_form_with_what_was_found_out(seen: dict[str, Any]) -> None:
     assert seen["page_at_once"]
     assert seen["proposed_crs"] == "EPSG:6677"

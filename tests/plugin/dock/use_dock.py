@@ -447,7 +447,10 @@ def whole_run() -> Iterator[Any]:
     yield page("session")
     click("furrowmapReplace")
     stages = widget("furrowmapStages")
-    yield lambda: stages.count() >= 2 and widget("furrowmapProgress").maximum() == 100
+    bar = widget("furrowmapProgress")
+    SEEN["percent"] = []
+    bar.valueChanged.connect(SEEN["percent"].append)
+    yield lambda: stages.count() >= 2 and bar.maximum() == 100
     shot(f"{OUT}/run.png")  # noqa: F821
     yield page("result")
     SEEN["stages"] = [stages.item(k).text() for k in range(stages.count())]
