@@ -1,10 +1,11 @@
 """`furrowmap live`: watch a session while it is recorded."""
 
+import io
 import json
 import math
+import sys
 from dataclasses import asdict
 from pathlib import Path
-from socket import gethostname
 from typing import Any
 
 import click
@@ -14,6 +15,7 @@ from furrowmap.cli.command_options import FILE, command, flag, option
 from furrowmap.cli.console import Console
 from furrowmap.cli.result_tables import figures, table
 from furrowmap.core.runtime.errors import UsageError
+from furrowmap.workflows.live.hosts import own_addresses
 
 
 @command(
@@ -46,7 +48,8 @@ def live(
 ) -> None:
     """Show vehicle, tool and worked ground on a web page while FOLDER is recorded.
 
-    FOLDER is the output of furrowmap record. The command adds only live.jsonl to it.
+    FOLDER is the output of furrowmap record. The command adds only live.jsonl to it. A played recording stays on the
+    page until Ctrl-C.
     """
     if folder is not None and played is not None:
         raise UsageError("usage.live-source")
@@ -55,7 +58,11 @@ def live(
         raise UsageError("usage.live-neither")
     port = 8080 if port is None else port
     if port:
-        console.say(f"http://{'localhost' if local else gethostname()}:{port}/")
+        addresses = (own_addresses() if not local else []) or ["localhost"]
+        for address in addresses:
+            console.say(f"http://{address}:{port}/")
+        if addresses != ["localhost"] and sys.stderr.isatty():
+            console.say(qr_code(f"http://{addresses[0]}:{port}/"))
     summary = furrowmap.live(
         recording,
         play=0.0 if played is None else math.inf if speed == 0 else float(speed or 1),
@@ -65,8 +72,20 @@ def live(
         mqtt=mqtt,
         background=background,
         on_scan=_put_line if console.as_json else None,
+        stay=bool(port) and played is not None and not console.as_json,
     )
     console.answer(asdict(summary), table(figures(asdict(summary))))
+
+
+def qr_code(address: str) -> str:
+    """A QR code of an address in block characters, for phones; empty without the package that makes it."""
+    try:
+        import segno
+    except ImportError:
+        return ""
+    drawn = io.StringIO()
+    segno.make(address, micro=False).terminal(drawn, compact=True)
+    return drawn.getvalue()
 
 
 def _put_line(scan: dict[str, Any]) -> None:

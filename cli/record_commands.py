@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 STATUS_SHOWN_S: Final = 60.0
 """Between two lines of the status where standard error is no terminal."""
-VIEWER_ENDS_S: Final = 2.0
-"""The page ends with the recording, and had Ctrl-C of the terminal as well: only after this time it is told to."""
+VIEWER_QUIET_S: Final = 2.0
+VIEWER_ENDS_S: Final = 300.0
+"""The page works out what it did not show in time, and ends then; another Ctrl-C ends it at once."""
 
 
 @command(
@@ -112,7 +113,16 @@ def record(
         ("duration", f"{status['elapsed_s']:.1f} s"),
     ]
     session = printable(str(recorded.session))
-    console.answer({"session": recorded.session, **status}, f"{table(rows)}\nNext: furrowmap run {session}")
+    lacks = Notice(
+        "record-lacks",
+        scans=any(each["maker"] or each["unread_maker"] for each in status["scanners"]),
+        positions=any(each["format"] for each in status["gnss"]),
+    )
+    is_usable = all(value for _, value in lacks.values)
+    after = f"\nNext: furrowmap run {session}" if is_usable else ""
+    console.answer({"session": recorded.session, **status}, f"{table(rows)}{after}")
+    if not is_usable:
+        console.warn(lacks)
     if not recorded.is_complete:
         console.warn(
             Notice(
@@ -134,13 +144,18 @@ def _viewer(folder: Path) -> Iterator[None]:
     with suppress(OSError):
         (folder / "status.json").unlink()  # of an earlier recording, which ended
     command = [sys.executable, "-P", "-m", "furrowmap", "live", str(folder)]
-    viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 (this interpreter)
+    # In a session of its own: Ctrl-C in the terminal ends the recording, and what is left then is shown first.
+    viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)  # noqa: S603 (this interpreter)
     try:
         yield
     finally:
         try:
+            with suppress(subprocess.TimeoutExpired):
+                viewer.wait(VIEWER_QUIET_S)
+            if viewer.poll() is None:
+                click.echo(Notice("live-works-on").text_in(language_of_user()), err=True)
             viewer.wait(VIEWER_ENDS_S)
-        except subprocess.TimeoutExpired:
+        except (subprocess.TimeoutExpired, KeyboardInterrupt):
             viewer.terminate()
             viewer.wait()
 

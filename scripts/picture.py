@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.exporters.reports.drawings import pass_colour
+from furrowmap.exporters.work_colours import MISSED, OVERLAP
 
 FloatArray = NDArray[np.float64]
 
@@ -35,8 +37,6 @@ EXAGGERATION = 4.0
 
 GROUND_COLOURS = ["#6f675c", "#a2988a", "#d6cebf"]
 INK = "#1f2a30"
-PASS_COLOURS = ["#2f6b9a", "#3f8f6b", "#8a6fb0", "#5b9bb5", "#7aa043"]
-OVERLAP_COLOUR, MISSED_COLOUR = "#e8202a", "#ffd400"
 
 
 @dataclass(frozen=True)
@@ -203,11 +203,11 @@ def _draw(grid: HeightGrid, worked: WorkedGround, title: str) -> Figure:
 def _draw_worked(axes: Axes, worked: WorkedGround) -> None:
     """Passes, one colour each, and loud over them what was worked twice, and what was left out between them."""
     for k, number in enumerate(worked.passes["pass"]):
-        colour = PASS_COLOURS[k % len(PASS_COLOURS)]
+        colour = pass_colour(k + 1, len(worked.passes))
         one = worked.passes.iloc[[k]]
         one.plot(ax=axes, facecolor=colour, alpha=0.55, edgecolor="white", linewidth=1.2, zorder=2)
         axes.plot([], [], "s", color=colour, alpha=0.7, markersize=11, label=f"pass {number}: {one.area.sum():.1f} m²")
-    layers = ((worked.overlaps, OVERLAP_COLOUR, "worked twice"), (worked.misses, MISSED_COLOUR, "missed"))
+    layers = ((worked.overlaps, OVERLAP, "worked twice"), (worked.misses, MISSED, "missed"))
     for layer, colour, label in layers:
         if not layer.empty:
             layer.plot(ax=axes, facecolor=colour, alpha=0.9, edgecolor=INK, linewidth=0.6, zorder=3)

@@ -15,7 +15,8 @@ from furrowmap.core.values.trajectory import ScanPoses
 
 LIVE_LOG: Final = "live.jsonl"
 """In the folder of the recording: what the last live session showed, a line of JSON a second, with the CRS first."""
-LOGGED: Final = ("t_s", "e_m", "n_m", "heading_deg", "worked_m2")
+COMPARED: Final = ("t_s", "e_m", "n_m", "heading_deg", "worked_m2")
+LOGGED: Final = (*COMPARED, "not_seen_m2", "dropped", "lost_packets")
 MAX_STEP_S: Final = 0.5
 """Poses of a run further apart are not interpolated."""
 WHOLE_SHARE: Final = 0.95
@@ -58,7 +59,7 @@ def live_difference(folder: Path, crs: str, poses: ScanPoses, run_m2: float | No
     for line in lines:
         with suppress(ValueError, KeyError, TypeError):  # cut where the power was
             said = json.loads(line)
-            rows.append([float(said[name]) for name in LOGGED])
+            rows.append([float(said[name]) for name in COMPARED])
     if not rows or len(poses.t_s) < 2:
         return None
     t_s, e_m, n_m, heading_deg, worked_m2 = np.array(rows).T

@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.coverage.worked_cells import Tile, WorkedCells
+from furrowmap.core.coverage.pass_edges import edge_gaps_m
+from furrowmap.core.coverage.worked_cells import Swept, Tile, WorkedCells
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
@@ -43,6 +44,12 @@ SENT_SCANS: Final = 8
 """Sent at a time to the process that learns: while all of them are pickled, new scans would wait for 0.1 s."""
 STRAIGHT_DEG: Final = 20.0
 """A gap between positions is worked if the tool stayed down in it and the heading changed by less."""
+UNSEEN_APART_S: Final = 5.0
+"""Times in which the ground was not seen that are less apart are one."""
+_NONE: Final = np.zeros(0)
+NO_STATES: Final = ToolStates(_NONE, _NONE, np.zeros(0, np.int8), _NONE, _NONE, _NONE)
+SAMPLES: Final = np.array([0.25, 0.5, 0.75])
+"""Where between two places of the tool's line its state is looked at."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +105,11 @@ class LiveSession:
         self._seen: SeenImplement | None = None
         self._heights: ToolHeightTracker | None = None
         self._line: tuple[float, FloatArray, float] | None = None
+        self._guess: tuple[float, FloatArray, float] | None = None
         self._way_m = 0.0
         self._was_down = False
+        self._states = NO_STATES
+        self._since_s = math.inf
         if learned is not None:
             self._use(learned, -math.inf)
 
@@ -140,13 +150,56 @@ class LiveSession:
         end_s = float(scan.t_s[-1])
         self._scan_s = end_s
         state, height_m, states = self._tool(scan)
+        self._states = states
         changed: set[Tile] = set()
         if self.cells is not None:
-            changed = self._work(end_s - SETTLED_S, states) if states is not None else set()
+            changed = self._work(end_s - SETTLED_S, states)
             changed |= self.cells.look_for_misses()
         return LiveScan(
             0.5 * float(scan.t_s[0] + end_s), pose, state, height_m, frozenset(changed), self._missing(pose, state)
         )
+
+    @property
+    def since_s(self) -> float:
+        """UTC since which the place of the tool is known; infinite before."""
+        return self._since_s
+
+    @property
+    def seen_implement(self) -> SeenImplement | None:
+        """The implement, once it was learned."""
+        return self._seen
+
+    def finish(self) -> frozenset[Tile]:
+        """Work the ground up to the last scan, where no more come; gives the tiles that changed."""
+        if self.cells is None or math.isnan(self._scan_s):
+            return frozenset()
+        return frozenset(self._work(self._scan_s, self._states) | self.cells.finish())
+
+    def unseen_s(self) -> list[tuple[float, float]]:
+        """The times, UTC, in which the vehicle moved and it was not seen what the tool did, in their order."""
+        if self.cells is None:
+            return []
+        swept = self.cells.swept
+        t_s = swept.t_s[~swept.seen]
+        if not len(t_s):
+            return []
+        cuts = np.flatnonzero(np.diff(t_s) > UNSEEN_APART_S)
+        begins = t_s[np.append(0, cuts + 1)] - LINE_STEP_S
+        return list(zip(begins.tolist(), t_s[np.append(cuts, len(t_s) - 1)].tolist(), strict=True))
+
+    def work_again(self, begin_s: float, end_s: float, found: Swept) -> frozenset[Tile]:
+        """Take what was worked out of a time from the recording instead of what was seen; the tiles that changed."""
+        return frozenset(self.cells.replace(begin_s, end_s, found)) if self.cells is not None else frozenset()
+
+    def edge_gaps_m(self, pose: LivePose) -> tuple[float, float]:
+        """Ground between the ends of the tool's line, left and right, and the passes there: see `edge_gaps_m`."""
+        if self.cells is None:
+            return math.nan, math.nan
+        swept = self.cells.swept
+        way_m = float(swept.way_m[-1]) if len(swept) else 0.0
+        if len(swept) and not (self._was_down and swept.seen[-1]):
+            way_m = math.inf  # all passes are others while the tool is up
+        return edge_gaps_m(swept, self._line_at(pose), way_m)
 
     def _missing(self, pose: LivePose | None, state: ToolState) -> tuple[str, ...]:
         """What is not observed."""
@@ -171,18 +224,18 @@ class LiveSession:
             self._near = None
             self._heights = ToolHeightTracker(self._session.lidar.mounting, seen, implement.working_depth_m)
 
-    def _tool(self, scan: Scan) -> tuple[ToolState, float, ToolStates | None]:
+    def _tool(self, scan: Scan) -> tuple[ToolState, float, ToolStates]:
         """State and height of the tool now, and its states of the last half minute."""
         implement = self._session.implement
         if implement is None:
-            return ToolState.UNKNOWN, math.nan, None
+            return ToolState.UNKNOWN, math.nan, NO_STATES
         if self._heights is None or self._seen is None:
             self._learn(scan)
-            return ToolState.UNKNOWN, math.nan, None
+            return ToolState.UNKNOWN, math.nan, NO_STATES
         self._heights.add(scan)
         heights = self._heights.latest(STATES_TURNS)
         if len(heights.t_s) < 3:
-            return ToolState.UNKNOWN, math.nan, None
+            return ToolState.UNKNOWN, math.nan, NO_STATES
         history = tool_history(heights, self._seen, implement.working_depth_m)
         last = ToolState(int(history.states.state[-1])) if len(history.states) else ToolState.UNKNOWN
         if last is not ToolState.UNKNOWN and history.states.end_s[-1] < scan.t_s[-1] - 2.0 * self._seen.region.turn_s:
@@ -214,7 +267,6 @@ class LiveSession:
 
     def _work(self, to_s: float, states: ToolStates) -> set[Tile]:
         """Work the ground up to a time; gives the tiles that changed."""
-        assert self.cells is not None
         changed: set[Tile] = set()
         begin_s = self._poses.begin_s
         if not begin_s < to_s:
@@ -226,27 +278,67 @@ class LiveSession:
         borders = states.begin_s[(states.begin_s > begin_s) & (states.begin_s < to_s)]
         for t_s in np.unique([*borders, *np.arange(begin_s, to_s, LINE_STEP_S), to_s]).tolist():
             pose = self._poses.at(t_s)
-            if pose is None or pose.position_age_s > MAX_CARRIED_S:
+            if pose is None:
                 continue
-            line = self._line_at(pose)
-            heading = pose.attitude_deg[2]
-            if self._line is not None and t_s > self._line[0]:
-                before_s, before, before_deg = self._line
-                step = line.mean(axis=0) - before.mean(axis=0)
-                forward = float(step @ pose.rotation[:2, 0])
-                down = bool((states.at(np.linspace(before_s, t_s, 5)[1:-1])[0] == ToolState.DOWN).all())
-                turned_deg = abs(float(wrap_deg(heading - before_deg)))
-                joined = t_s - before_s < 2.0 * SETTLED_S or (
-                    turned_deg < STRAIGHT_DEG and t_s - before_s < MAX_BRIDGED_S
-                )
-                self._way_m += max(forward, 0.0)
-                if down and forward > 0.0 and joined:
-                    changed |= self.cells.add_line(before, line, self._way_m)
-                elif self._was_down and not down:
-                    self.cells.end_pass()
-                self._was_down = down
-            self._line = t_s, line, heading
+            if pose.position_age_s > MAX_CARRIED_S:
+                changed |= self._guess_on(pose, states)
+                continue
+            changed |= self._forget_guess(begin_s, t_s)
+            changed |= self._move_on(pose, states)
         return changed
+
+    def _move_on(self, pose: LivePose, states: ToolStates) -> set[Tile]:
+        """Work the ground from the last place of the tool's line to that of a pose."""
+        assert self.cells is not None
+        changed: set[Tile] = set()
+        t_s = pose.t_s
+        line = self._line_at(pose)
+        heading = pose.attitude_deg[2]
+        if self._line is not None and t_s > self._line[0]:
+            before_s, before, before_deg = self._line
+            forward = _forward_m(before, line, pose)
+            state = states.at(before_s + SAMPLES * (t_s - before_s))[0]
+            down = bool((state == ToolState.DOWN).all())
+            turned_deg = abs(float(wrap_deg(heading - before_deg)))
+            joined = t_s - before_s < 2.0 * SETTLED_S or (turned_deg < STRAIGHT_DEG and t_s - before_s < MAX_BRIDGED_S)
+            self._way_m += max(forward, 0.0)
+            if down and forward > 0.0 and joined:
+                changed |= self.cells.add_line(before, line, self._way_m, t_s)
+            elif forward > 0.0 and joined and (state == ToolState.UNKNOWN).any():
+                changed |= self.cells.add_line(before, line, self._way_m, t_s, seen=False)
+            if self._was_down and not down:
+                self.cells.end_pass()
+            self._was_down = down
+        self._line = t_s, line, heading
+        self._since_s = min(self._since_s, t_s)
+        return changed
+
+    def _guess_on(self, pose: LivePose, states: ToolStates) -> set[Tile]:
+        """Mark ground as not seen where the vehicle has no positions, as far as the tool may be down there."""
+        assert self.cells is not None
+        changed: set[Tile] = set()
+        before = self._guess or self._line
+        if before is not None and pose.t_s > before[0]:
+            line = self._line_at(pose)
+            forward = _forward_m(before[1], line, pose)
+            state = states.at(before[0] + SAMPLES * (pose.t_s - before[0]))[0]
+            if forward > 0.0 and not (state == ToolState.UP).all():
+                changed = self.cells.add_line(before[1], line, self._way_m, pose.t_s, seen=False)
+            self._guess = pose.t_s, line, pose.attitude_deg[2]
+        return changed
+
+    def _forget_guess(self, begin_s: float, t_s: float) -> set[Tile]:
+        """Positions are there again: where they show the way through the gap, it is driven again."""
+        assert self.cells is not None
+        if self._guess is None:
+            return set()
+        end_s = self._guess[0]
+        if self._poses.at(0.5 * (begin_s + end_s)) is None:  # the gap is too long: it stays not seen
+            self._line = None
+            self._guess = None
+            return set()
+        self._guess = None
+        return self.cells.replace(begin_s, max(end_s, t_s), Swept.none())
 
     def _line_at(self, pose: LivePose) -> FloatArray:
         """(2, 2) ends of the tool's line, easting and northing."""
@@ -256,6 +348,11 @@ class LiveSession:
         ends = np.array([[x_m, y_m - 0.5 * implement.width_m, 0.0], [x_m, y_m + 0.5 * implement.width_m, 0.0]])
         line: FloatArray = (np.asarray(pose.xyz_m) + ends @ pose.rotation.T)[:, :2]
         return line
+
+
+def _forward_m(before: FloatArray, line: FloatArray, pose: LivePose) -> float:
+    """How far the middle of the tool's line (2, 2) went ahead."""
+    return float((line.mean(axis=0) - before.mean(axis=0)) @ pose.rotation[:2, 0])
 
 
 def warm_up() -> None:

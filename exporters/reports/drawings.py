@@ -30,13 +30,14 @@ from furrowmap.exporters.reports.svg import (
     rectangle,
     segment,
 )
+from furrowmap.exporters.work_colours import PASSES, TOOL_DOWN, TOOL_UP
 
 MAP_MARGIN_M: Final = 2.0
 SMALL_HEIGHT: Final = 320.0
 """Height of a map beside others, near that of the page: its scale bar stays readable."""
 MAX_NUMBERED_PASSES: Final = 60
 """More passes have no numbers on the map."""
-PASS_COLOURS: Final = np.array([[253, 212, 158], [120, 198, 121], [34, 94, 168]])
+PASS_COLOURS: Final = np.array([[int(colour[at : at + 2], 16) for at in (1, 3, 5)] for colour in PASSES])
 FIX_COLOURS: Final = {
     Fix.FIXED: "#1a9850",
     Fix.FLOAT: "#f4a528",
@@ -53,7 +54,7 @@ _SHARE_WITHIN: Final = 0.98
 
 
 def pass_colour(number: int, passes: int) -> str:
-    """From the first pass (orange) over green to the last (blue)."""
+    """From the first pass (pale green) over that of ground worked to the last (dark green)."""
     return mixed_colour((number - 1) / (passes - 1) if passes > 1 else 0.5, PASS_COLOURS)
 
 
@@ -150,8 +151,8 @@ def tool_graph(work: FieldWork) -> Markup:
 
 
 ACTIVITIES: Final = {
-    Text("working"): "#8c460a",
-    Text("turning or reversing"): "#4292c6",
+    Text("working"): TOOL_DOWN,
+    Text("turning or reversing"): TOOL_UP,
     Text("standing"): "#bdbdbd",
     Text("driving, state of the tool unknown"): "#9e9ac8",
 }

@@ -22,6 +22,7 @@ from furrowmap.core.runtime.languages.texts import LANGUAGES, Text, Words
 from furrowmap.core.runtime.programs import program_on_path
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.runtime.write_errors import scratch_directory, writing_scratch
+from furrowmap.exporters import work_colours
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.reports.area_units import HECTARE, area, in_area_unit, work_rate
 from furrowmap.exporters.reports.page_language import in_language, in_page, said, unbroken
@@ -169,6 +170,7 @@ def _environment() -> Environment:
         "_": Text,
         "sentences": sentences,
         "software": f"furrowmap {version('furrowmap')}",
+        "work_colours": work_colours,
         "zip": zip,
     }
     environment.filters |= {

@@ -2,20 +2,30 @@
 // The page of `furrowmap live`: draws what the stream of events says, and sends nothing.
 const WORDS = {
   en: {
-    worked: "worked", rate: "rate", speed: "speed", fix: "GNSS", overlap: "overlap", missed: "missed", sigma: "± 95 %", age: "age",
-    down: "TOOL DOWN", up: "TOOL UP", unknown: "TOOL ?", north: "N", day: "Day", night: "Night",
+    worked: "worked", left: "left", rate: "rate", speed: "speed", fix: "GNSS", overlap: "overlap", missed: "missed", unseen: "not seen", dropped: "lost scans",
+    sigma: "± 95 %", age: "age", togo: "to go",
+    down: "TOOL DOWN", up: "TOOL UP", unknown: "TOOL ?", north: "N", day: "Day", night: "Night", sound: "♪ on", silent: "♪ off", hide: "Put away",
     fixed: "fixed", float: "float", single: "single", dgps: "DGPS", none: "none", ppp: "PPP", pps: "PPS", estimated: "estim.", manual: "manual", simulated: "simul.",
     starting: "Connecting …", cut: "No connection. What is shown is {age} s old.", stale: "What is shown is {age} s old.", waiting: "Waiting: {what}",
+    over: "The recording has ended.", "over-waits": "The recording has ended. {seconds} s that were not shown are being worked out.",
+    "lost-scans": "Scans are being dropped: the computer is too slow. Ground not seen is hatched.", "lost-positions": "No GNSS position for {seconds} s. Ground not seen is hatched.",
+    "lost-tool": "State of the tool not seen. Ground not seen is hatched.", repair: "{seconds} s that were not shown are being worked out.",
+    gap: "gap", over_: "overlap", ahead: "boundary {m} m", eye: "Line from A to B: guidance for the eye, not for steering.", a: "A", b: "B", clear: "A–B ×",
     "missing-positions": "no GNSS position: waiting for the receiver", "missing-heading": "heading unknown: drive some metres",
     "missing-direction": "forward is assumed: first metres", "missing-tilt": "tilt not seen: the vehicle is taken as level",
     "missing-implement": "no implement in the session: no ground worked", "missing-tool-learning": "tool not learned yet: lower and lift it some times",
     "missing-tool": "state of the tool not seen",
   },
   ja: {
-    worked: "作業済み", rate: "能率", speed: "速度", fix: "GNSS", overlap: "重複", missed: "作業残し", sigma: "± 95 %", age: "表示の遅れ",
-    down: "作業機 下", up: "作業機 上", unknown: "作業機 ?", north: "北", day: "昼", night: "夜",
+    worked: "作業済み", left: "残り", rate: "能率", speed: "速度", fix: "GNSS", overlap: "重複", missed: "作業残し", unseen: "未確認", dropped: "欠落",
+    sigma: "± 95 %", age: "表示の遅れ", togo: "残り時間",
+    down: "作業機 下", up: "作業機 上", unknown: "作業機 ?", north: "北", day: "昼", night: "夜", sound: "♪ 入", silent: "♪ 切", hide: "閉じる",
     fixed: "Fix", float: "Float", single: "単独", dgps: "DGPS", none: "なし", ppp: "PPP", pps: "PPS", estimated: "推定", manual: "手動", simulated: "模擬",
     starting: "接続中 …", cut: "接続が切れました。表示は {age} 秒前のものです。", stale: "表示は {age} 秒前のものです。", waiting: "待機中: {what}",
+    over: "記録は終わりました。", "over-waits": "記録は終わりました。表示できなかった {seconds} 秒分を計算しています。",
+    "lost-scans": "処理が追いつかず、スキャンが欠落しています。未確認の範囲は斜線です。", "lost-positions": "GNSS の測位が {seconds} 秒間ありません。未確認の範囲は斜線です。",
+    "lost-tool": "作業機の状態が見えません。未確認の範囲は斜線です。", repair: "表示できなかった {seconds} 秒分を計算しています。",
+    gap: "すき間", over_: "重なり", ahead: "境界まで {m} m", eye: "A–B の直線: 目で見る目安です。操舵には使えません。", a: "A", b: "B", clear: "A–B ×",
     "missing-positions": "GNSS の測位なし: 受信機を待っています", "missing-heading": "方位不明: 数メートル走行してください",
     "missing-direction": "前進方向は仮定です(走り始め)", "missing-tilt": "傾きが見えません: 水平とみなします",
     "missing-implement": "セッションに作業機がないため、作業済みの範囲は出ません", "missing-tool-learning": "作業機を学習中: 数回上げ下げしてください",
@@ -34,19 +44,22 @@ const language = asked.startsWith("ja") && drawn("作") !== drawn("業") ? "ja" 
 const words = WORDS[language];
 document.documentElement.lang = language;
 const $ = (id) => document.getElementById(id);
-for (const name of ["worked", "rate", "speed", "fix", "overlap", "missed", "sigma", "age"]) $("l-" + name).textContent = words[name];
+const FIGURES = ["worked", "left", "rate", "speed", "overlap", "missed", "unseen", "dropped", "fix", "sigma", "age", "togo"];
+for (const name of FIGURES) $("l-" + name).textContent = words[name];
+$("eye").textContent = words.eye;
+$("hide").setAttribute("aria-label", words.hide);
 $("tool").textContent = words.unknown;
 
 // Cells: a canvas for each tile, drawn again only where cells changed.
-const map = { origin: null, background: null, cell: 0.1, side: 64, tiles: new Map() };
+const map = { origin: null, background: null, tool: null, field: [], headland: [], way: [], cell: 0.1, side: 64, tiles: new Map() };
 let pose = null, poseAt = 0, heardAt = 0, triedAt = 0, waiting = words.starting, connected = false;
-let metres = 30, northUp = false;
+let metres = 30, northUp = false, isOver = false, figures = null, droppedAt = -Infinity;
 const dark = matchMedia("(prefers-color-scheme: dark)");
 let night = (localStorage.getItem("furrowmap-night") ?? String(dark.matches)) === "true";
 
 function colours() {
   const style = getComputedStyle(document.documentElement);
-  return Object.fromEntries(["ground", "worked", "overlap", "missed", "vehicle", "ink", "line", "paper"].map((n) => [n, style.getPropertyValue("--" + n).trim()]));
+  return Object.fromEntries(["ground", "worked", "overlap", "missed", "not-seen", "boundary", "tool-down", "tool-up", "vehicle", "ink", "line", "paper"].map((n) => [n, style.getPropertyValue("--" + n).trim()]));
 }
 let colour = colours();
 function rgba(hex) {
@@ -65,6 +78,37 @@ $("north").onclick = () => { northUp = !northUp; $("north").setAttribute("aria-p
 $("near").onclick = () => { metres = Math.max(8, metres / 1.5); };
 $("far").onclick = () => { metres = Math.min(2000, metres * 1.5); };
 
+// The bearing line: two places where the button was tapped, kept by the browser.
+let line = JSON.parse(localStorage.getItem("furrowmap-line") || "[]");
+function setLine(places) {
+  line = places;
+  localStorage.setItem("furrowmap-line", JSON.stringify(line));
+  $("bearing").textContent = [words.a, words.b, words.clear][line.length];
+}
+const LEAST_LINE_M = 5;
+$("bearing").onclick = () => {
+  if (line.length === 2) setLine([]);
+  else if (pose && (!line.length || Math.hypot(pose.e_m - line[0][0], pose.n_m - line[0][1]) > LEAST_LINE_M)) setLine([...line, [pose.e_m, pose.n_m]]);
+};
+
+// A tone at each new alarm, and again while it lasts; browsers play none before the first tap.
+let tones = null, tonedAt = 0;
+$("sound").onclick = () => {
+  tones = tones ? null : new AudioContext();
+  $("sound").textContent = tones ? words.sound : words.silent;
+  $("sound").setAttribute("aria-pressed", String(Boolean(tones)));
+  if (tones) tone(660);
+};
+function tone(hertz) {
+  const sound = tones.createOscillator(), loud = tones.createGain();
+  sound.frequency.value = hertz;
+  loud.gain.value = 0.2;
+  sound.connect(loud).connect(tones.destination);
+  sound.start();
+  sound.stop(tones.currentTime + 0.35);
+}
+
+const NOT_SEEN = 4, HATCH = 8; // 64 cells of a tile are a multiple of the hatching's period
 function tileAt(x, y) {
   const key = x + "," + y;
   let tile = map.tiles.get(key);
@@ -78,11 +122,11 @@ function tileAt(x, y) {
 }
 function paint(tile) {
   const side = map.side, image = new ImageData(side, side);
-  const of = [null, rgba(colour.worked), rgba(colour.overlap), rgba(colour.missed)];
+  const of = [null, rgba(colour.worked), rgba(colour.overlap), rgba(colour.missed), rgba(colour["not-seen"])];
   for (let row = 0; row < side; row++) {
     for (let column = 0; column < side; column++) {
-      const rgb = of[tile.state[row * side + column]];
-      if (!rgb) continue;
+      const state = tile.state[row * side + column], rgb = of[state];
+      if (!rgb || (state === NOT_SEEN && (row + column) % HATCH > 2)) continue;
       const at = 4 * ((side - 1 - row) * side + column); // rows go north
       image.data[at] = rgb[0]; image.data[at + 1] = rgb[1]; image.data[at + 2] = rgb[2]; image.data[at + 3] = 255;
     }
@@ -98,12 +142,16 @@ async function takePicture(picture) {
   takePlace(picture);
   map.cell = picture.cell_m; map.side = picture.tile;
   map.tiles.clear();
+  map.way = picture.way_m || [];
   const size = map.side * map.side;
   picture.tiles.forEach(([x, y], i) => tileAt(x, y).state.set(cells.subarray(i * size, (i + 1) * size)));
 }
 function takePlace(place) {
   map.origin = place.origin_m || null;
   map.background = place.background || null;
+  map.tool = place.tool || null;
+  map.field = place.field_m || [];
+  map.headland = place.headland_m || [];
   $("source").textContent = map.background ? map.background.attribution : "";
 }
 function takeCells(tiles) {
@@ -171,27 +219,102 @@ function connect() {
   on("cells", takeCells);
   on("pose", (p) => {
     waiting = "";
-    if (p.e_m !== undefined) { pose = p; poseAt = heardAt; }
+    if (p.e_m !== undefined) {
+      pose = p; poseAt = heardAt;
+      const last = map.way[map.way.length - 1];
+      if (!last || Math.hypot(last[0] - p.e_m, last[1] - p.n_m) > 1) map.way.push([p.e_m, p.n_m]);
+      if (map.way.length > 5000) map.way.shift();
+    }
     const state = p.tool;
     $("tool").dataset.state = state; $("tool").textContent = words[state];
-    $("missing").replaceChildren(...p.missing.map((code) => Object.assign(document.createElement("li"), { textContent: words["missing-" + code] || code })));
+    missing = p.missing;
+    $("missing").replaceChildren(...missing.map((code) => Object.assign(document.createElement("li"), { textContent: words["missing-" + code] || code })));
     if (p.e_m === undefined) return;
     $("speed").innerHTML = number(3.6 * p.speed_mps, 1) + " <small>km/h</small>";
     $("fix").textContent = p.position_age_s > 1 ? number(p.position_age_s, 0) + " s" : words[p.fix] || p.fix;
     const off_m = 1.73 * p.sigma_m;  // 95 % of the positions lie this near, with errors alike in both directions
     $("sigma").innerHTML = (off_m < 1 ? number(100 * off_m, 0) + " <small>cm</small>" : number(off_m, 1) + " <small>m</small>");
+    showEdges(p.edge_m || [null, null]);
+    showLine(p);
+    showAhead(p);
   });
   on("figures", (f) => {
+    if (figures && f.dropped > figures.dropped) droppedAt = performance.now();
+    figures = f;
     $("worked").innerHTML = hectares(f.worked_m2);
+    $("left").innerHTML = f.left_m2 === null ? "–" : hectares(f.left_m2);
     $("overlap").innerHTML = hectares(f.overlap_m2);
     $("missed").innerHTML = hectares(f.missed_m2);
+    $("unseen").innerHTML = hectares(f.not_seen_m2);
+    $("dropped").textContent = number(f.dropped, 0);
+    $("cell-unseen").classList.toggle("lost", f.not_seen_m2 >= 1);
+    $("cell-dropped").classList.toggle("lost", f.dropped > 0);
     $("rate").innerHTML = f.rate_m2ps === null ? "–" : number(f.rate_m2ps * 0.36, 2) + " <small>ha/h</small>";
-    warnings = f.warnings.map((warning) => warning[language]);
+    const minutes = f.left_m2 !== null && f.rate_m2ps > 0.05 ? Math.round(f.left_m2 / f.rate_m2ps / 60) : null;
+    $("togo").innerHTML = minutes === null ? "–" : Math.floor(minutes / 60) + ":" + String(minutes % 60).padStart(2, "0") + " <small>h</small>";
+    warnings = f.warnings;
   });
+  on("over", () => { isOver = true; });
   on("waiting", (what) => { waiting = words.waiting.replace("{what}", what[language]); });
   source.onerror = () => { connected = false; };
 }
-let warnings = [];
+let warnings = [], missing = [];
+const putAway = new Set();
+const centimetres = (m) => number(Math.abs(100 * m), 0) + " cm";
+const SHOWN_M = 0.5; // the half of a bar
+
+// Ground between the ends of the tool and the passes beside it: a gap grows outwards from the middle, an overlap as well, in its own colour.
+function showEdges(gaps) {
+  $("edges").hidden = gaps[0] === null && gaps[1] === null;
+  ["left", "right"].forEach((side, k) => {
+    const gap = gaps[k], bar = $("bar-" + side), said = $("edge-" + side);
+    bar.style.width = gap === null ? "0" : Math.min(50, 50 * Math.abs(gap) / SHOWN_M) + "%";
+    bar.style[k ? "left" : "right"] = "50%";
+    bar.className = gap > 0 ? "gap" : "over";
+    said.className = gap === null ? "" : gap > 0.02 ? "gap" : "over";
+    const small = Object.assign(document.createElement("small"), { textContent: gap === null ? "" : gap > 0 ? words.gap : words.over_ });
+    said.replaceChildren(gap === null ? "–" : (k ? centimetres(gap) + " ▶" : "◀ " + centimetres(gap)), small);
+  });
+}
+// How far the nearest parallel of the line from A to B is, to the left or the right of the tool's middle.
+function showLine(p) {
+  const shown = line.length === 2 && map.tool;
+  $("lightbar").hidden = $("eye").hidden = !shown;
+  if (!shown) return;
+  const [a, b] = line, length = Math.hypot(b[0] - a[0], b[1] - a[1]), de = (b[0] - a[0]) / length, dn = (b[1] - a[1]) / length;
+  const [e, n] = toolMiddle(p);
+  const right = (e - a[0]) * dn - (n - a[1]) * de, width = map.tool.width_m;
+  let off = right - width * Math.round(right / width);
+  const heading = p.heading_deg * Math.PI / 180;
+  if (Math.sin(heading) * de + Math.cos(heading) * dn < 0) off = -off;
+  // The bar lies where the line is: to its side one has to go.
+  const bar = $("bar-off"), share = Math.min(50, 50 * Math.abs(off) / SHOWN_M) + "%";
+  bar.style.width = share;
+  bar.style.left = off > 0 ? "auto" : "50%";
+  bar.style.right = off > 0 ? "50%" : "auto";
+  $("off-left").textContent = off > 0.01 ? "◀ " + centimetres(off) : "";
+  $("off-right").textContent = off < -0.01 ? centimetres(off) + " ▶" : Math.abs(off) <= 0.01 ? "0 cm" : "";
+}
+function toolMiddle(p) {
+  const heading = p.heading_deg * Math.PI / 180, [x, y] = map.tool ? map.tool.xy_m : [0, 0];
+  return [p.e_m + x * Math.sin(heading) - y * Math.cos(heading), p.n_m + x * Math.cos(heading) + y * Math.sin(heading)];
+}
+// The way to the boundary straight ahead of the tool, where it is inside of the field.
+function showAhead(p) {
+  const heading = p.heading_deg * Math.PI / 180, [e, n] = toolMiddle(p), de = Math.sin(heading), dn = Math.cos(heading);
+  const found = [];
+  for (const ring of map.field) {
+    for (let i = 1; i < ring.length; i++) {
+      const [x0, y0] = [ring[i - 1][0] - e, ring[i - 1][1] - n], [x1, y1] = [ring[i][0] - e, ring[i][1] - n];
+      const s0 = x0 * dn - y0 * de, s1 = x1 * dn - y1 * de;
+      if ((s0 > 0) === (s1 > 0)) continue;
+      const share = s0 / (s0 - s1), along = (x0 + share * (x1 - x0)) * de + (y0 + share * (y1 - y0)) * dn;
+      if (along > 0) found.push(along);
+    }
+  }
+  $("ahead").hidden = found.length % 2 === 0; // outside of the field a line crosses the boundary an even number of times
+  if (found.length % 2) $("ahead").textContent = words.ahead.replace("{m}", number(Math.min(...found), Math.min(...found) < 10 ? 1 : 0));
+}
 const number = (value, digits) => value.toLocaleString(language, { minimumFractionDigits: digits, maximumFractionDigits: digits });
 const hectares = (m2) => (m2 < 1000 ? number(m2, 0) + " <small>m²</small>" : number(m2 / 1e4, 2) + " <small>ha</small>");
 
@@ -204,11 +327,11 @@ function draw() {
   }
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.fillStyle = colour.ground; pen.fillRect(0, 0, width, height);
-  const now = performance.now(), age = pose ? pose.delay_s + (now - poseAt) / 1000 : 0;
+  const now = performance.now(), age = pose && !isOver ? pose.delay_s + (now - poseAt) / 1000 : 0;
   say(age, now);
   if (!pose || !map.origin) return;
   // Between two messages the vehicle goes on as it went; for half a second, not more.
-  const ahead = connected ? Math.min(0.5, (now - poseAt) / 1000) : 0;
+  const ahead = connected && !isOver ? Math.min(0.5, (now - poseAt) / 1000) : 0;
   const heading = (pose.heading_deg + pose.turn_degps * ahead) * Math.PI / 180;
   const east = pose.e_m + Math.sin(heading) * pose.speed_mps * ahead, north = pose.n_m + Math.cos(heading) * pose.speed_mps * ahead;
   const scale = Math.min(width, height) / metres;
@@ -225,20 +348,59 @@ function draw() {
     if (tile.stale) paint(tile);
     pen.drawImage(tile.canvas, x, -y - side, side * 1.002, side * 1.002);
   }
+  const path = (places, closed) => {
+    pen.beginPath();
+    places.forEach(([e, n], i) => (i ? pen.lineTo(e - east, north - n) : pen.moveTo(e - east, north - n)));
+    if (closed) pen.closePath();
+    pen.stroke();
+  };
+  pen.strokeStyle = colour.boundary; pen.lineWidth = 4 / scale;
+  for (const ring of map.field) path(ring, true);
+  pen.lineWidth = 2 / scale; pen.setLineDash([10 / scale, 8 / scale]);
+  for (const ring of map.headland) path(ring, true);
+  pen.strokeStyle = colour.vehicle;
+  if (line.length === 2) {
+    const [a, b] = line, length = Math.hypot(b[0] - a[0], b[1] - a[1]), reachOf = 2 * reach + length;
+    const de = (b[0] - a[0]) / length, dn = (b[1] - a[1]) / length, along = (east - a[0]) * de + (north - a[1]) * dn;
+    const step = map.tool ? map.tool.width_m : 0, right = (east - a[0]) * dn - (north - a[1]) * de;
+    const offset = step ? step * Math.round(right / step) : 0;
+    const at = (s) => [a[0] + de * (along + s) + dn * offset, a[1] + dn * (along + s) - de * offset];
+    path([at(-reachOf), at(reachOf)], false);
+  }
+  pen.setLineDash([]);
+  pen.globalAlpha = 0.8;
+  path([...map.way, [east, north]], false);
+  pen.globalAlpha = 1;
   pen.rotate(heading);
+  if (map.tool) drawTool(scale);
   pen.beginPath();
   const size = Math.max(1.4, 18 / scale);
   pen.moveTo(0, -1.3 * size); pen.lineTo(0.8 * size, 0.8 * size); pen.lineTo(0, 0.4 * size); pen.lineTo(-0.8 * size, 0.8 * size); pen.closePath();
   pen.fillStyle = colour.vehicle; pen.strokeStyle = colour.paper; pen.lineWidth = 3 / scale; pen.fill(); pen.stroke();
   pen.restore();
-  bar(width, height, scale);
+  showScale(scale);
 }
-function bar(width, height, scale) {
-  const length = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((m) => m * scale > 60) || 1000;
-  const y = height - 64, right = width - 12;
-  pen.strokeStyle = pen.fillStyle = colour.ink; pen.lineWidth = 3;
-  pen.beginPath(); pen.moveTo(right - length * scale, y); pen.lineTo(right, y); pen.stroke();
-  pen.font = "600 15px system-ui, sans-serif"; pen.textAlign = "right"; pen.fillText(length + " m", right, y + 18);
+// The tool's bar: full where it is down, hollow where it is up, dashed where that is not seen.
+function drawTool(scale) {
+  const [x, y] = map.tool.xy_m, half = map.tool.width_m / 2, thick = Math.max(0.25, 7 / scale), state = pose.tool;
+  const box = [-y - half, -x - thick / 2, 2 * half, thick];
+  pen.fillStyle = state === "down" ? colour["tool-down"] : colour.paper;
+  pen.fillRect(...box);
+  pen.strokeStyle = state === "down" ? colour.paper : state === "up" ? colour["tool-up"] : colour.ink;
+  pen.lineWidth = 2.5 / scale;
+  pen.setLineDash(state === "unknown" ? [5 / scale, 4 / scale] : []);
+  pen.strokeRect(...box);
+  pen.setLineDash([]);
+  pen.strokeStyle = colour.ink; pen.lineWidth = 1.5 / scale;
+  pen.beginPath(); pen.moveTo(0, 0); pen.lineTo(-y, -x - thick / 2); pen.stroke();
+}
+let scaleSaid = "";
+function showScale(scale) {
+  const length = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((m) => m * scale > 60) || 1000;
+  const said = length + " m", wide = Math.round(length * scale) + "px";
+  if (scaleSaid === said + wide) return;
+  scaleSaid = said + wide;
+  $("scale").textContent = said; $("scale").style.width = wide;
 }
 let saidAt = 0;
 function say(age, now) {
@@ -247,15 +409,31 @@ function say(age, now) {
   const silent = (now - heardAt) / 1000;
   $("age").innerHTML = pose ? number(age, 1) + " <small>s</small>" : "–";
   const seconds = number(Math.round(pose ? age : silent), 0);
-  let text = waiting;
+  const fill = (word, s) => words[word].replace("{seconds}", number(Math.ceil(s), 0));
   // A link that is cut may leave the connection open for minutes, so that no error comes: then it is made anew.
   if (silent > 5 || !connected) { if (now - triedAt > 2000) connect(); }
-  if (heardAt && (!connected || silent > 5)) text = words.cut.replace("{age}", seconds);
-  else if (!text && pose && age > 2) text = words.stale.replace("{age}", seconds);
-  else if (!text && warnings.length) text = warnings[0];
-  $("alarm").textContent = text; $("alarm").hidden = !text;
+  const warning = warnings.find((one) => !putAway.has(one.code));
+  let text = "", level = "note", code = "";
+  if (heardAt && (!connected || silent > 5)) [text, level] = [words.cut.replace("{age}", seconds), isOver ? "note" : "bad"];
+  else if (isOver || (figures && figures.over)) text = figures && figures.waits_s > 0 && !isOver ? fill("over-waits", figures.waits_s) : words.over;
+  else if (waiting) [text, level] = [waiting, heardAt ? "bad" : "note"];
+  else if (pose && age > 2) [text, level] = [words.stale.replace("{age}", seconds), "bad"];
+  else if (now - droppedAt < DROPPED_SAID_MS) [text, level] = [words["lost-scans"], "bad"];
+  else if (pose && pose.position_age_s > 1) [text, level] = [fill("lost-positions", pose.position_age_s), "bad"];
+  else if (pose && missing.includes("tool") && Math.abs(pose.speed_mps) > 0.2) [text, level] = [words["lost-tool"], "bad"];
+  else if (warning) [text, code] = [warning[language], warning.code];
+  else if (figures && figures.waits_s > 0 && !missing.includes("tool-learning")) text = fill("repair", figures.waits_s);
+  $("said").textContent = text; $("alarm").hidden = !text; $("alarm").dataset.level = level;
+  $("hide").hidden = !code;
+  $("hide").onclick = () => { putAway.add(code); saidAt = 0; };
+  const isBad = Boolean(text) && level === "bad";
+  if (isBad && tones && now - tonedAt > 5000) { tonedAt = now; tone(880); }
+  if (!isBad) tonedAt = 0;
 }
+const DROPPED_SAID_MS = 8000;
 setNight();
+setLine(line);
+$("sound").textContent = words.silent;
 connect();
 draw();
 // Keeps the screen awake where the browser allows it: only for https and localhost.

@@ -8,7 +8,7 @@
      <Option type="Map">
       <Option name="color" type="QString" value="255,255,255,0"/>
       <Option name="style" type="QString" value="no"/>
-      <Option name="outline_color" type="QString" value="20,20,20,255"/>
+      <Option name="outline_color" type="QString" value="31,42,48,255"/>
       <Option name="outline_style" type="QString" value="dash"/>
       <Option name="outline_width" type="QString" value="0.5"/>
       <Option name="outline_width_unit" type="QString" value="MM"/>

@@ -8,7 +8,7 @@
      <Option type="Map">
       <Option name="color" type="QString" value="0,0,0,0"/>
       <Option name="style" type="QString" value="no"/>
-      <Option name="outline_color" type="QString" value="35,60,35,255"/>
+      <Option name="outline_color" type="QString" value="46,139,87,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
       <Option name="outline_width" type="QString" value="0.5"/>
       <Option name="outline_width_unit" type="QString" value="MM"/>

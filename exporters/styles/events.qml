@@ -34,7 +34,7 @@
    <symbol type="marker" name="1" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleMarker" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="66,146,198,255"/>
+      <Option name="color" type="QString" value="47,127,184,255"/>
       <Option name="name" type="QString" value="triangle"/>
       <Option name="size" type="QString" value="3"/>
       <Option name="size_unit" type="QString" value="MM"/>

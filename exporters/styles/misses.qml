@@ -1,5 +1,5 @@
 <!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>
-<!-- Strips not worked: yellow with a black edge. -->
+<!-- Strips not worked: purple with a black edge, paler along the boundary. -->
 <qgis version="3.34.0" styleCategories="Symbology|MapTips">
  <renderer-v2 type="categorizedSymbol" attr="kind" enableorderby="0" forceraster="0" symbollevels="0" referencescale="-1">
   <categories>
@@ -11,7 +11,7 @@
    <symbol type="fill" name="0" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="255,237,0,235"/>
+      <Option name="color" type="QString" value="123,31,162,235"/>
       <Option name="style" type="QString" value="solid"/>
       <Option name="outline_color" type="QString" value="0,0,0,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
@@ -23,7 +23,7 @@
    <symbol type="fill" name="1" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="255,190,0,235"/>
+      <Option name="color" type="QString" value="123,31,162,150"/>
       <Option name="style" type="QString" value="solid"/>
       <Option name="outline_color" type="QString" value="0,0,0,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
@@ -35,7 +35,7 @@
    <symbol type="fill" name="2" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="255,237,0,235"/>
+      <Option name="color" type="QString" value="123,31,162,235"/>
       <Option name="style" type="QString" value="solid"/>
       <Option name="outline_color" type="QString" value="0,0,0,255"/>
       <Option name="outline_style" type="QString" value="solid"/>

@@ -12,9 +12,9 @@
    <symbol type="fill" name="0" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="227,26,28,210"/>
+      <Option name="color" type="QString" value="194,81,0,220"/>
       <Option name="style" type="QString" value="solid"/>
-      <Option name="outline_color" type="QString" value="128,0,0,255"/>
+      <Option name="outline_color" type="QString" value="97,40,0,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
       <Option name="outline_width" type="QString" value="0.3"/>
       <Option name="outline_width_unit" type="QString" value="MM"/>

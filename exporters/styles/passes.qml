@@ -17,7 +17,7 @@
    <symbol type="fill" name="0" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="253,212,158,255"/>
+      <Option name="color" type="QString" value="181,220,196,255"/>
       <Option name="style" type="QString" value="solid"/>
       <Option name="outline_color" type="QString" value="70,70,70,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
@@ -30,7 +30,7 @@
        <Option name="properties" type="Map">
         <Option name="fillColor" type="Map">
          <Option name="active" type="bool" value="true"/>
-         <Option name="expression" type="QString" value="ramp_color(create_ramp(map(0, '#fdd49e', 0.5, '#78c679', 1, '#225ea8')), if(maximum(&quot;pass&quot;) &gt; 1, (&quot;pass&quot; - 1) / (maximum(&quot;pass&quot;) - 1), 0.5))"/>
+         <Option name="expression" type="QString" value="ramp_color(create_ramp(map(0, '#b5dcc4', 0.5, '#2e8b57', 1, '#123f29')), if(maximum(&quot;pass&quot;) &gt; 1, (&quot;pass&quot; - 1) / (maximum(&quot;pass&quot;) - 1), 0.5))"/>
          <Option name="type" type="int" value="3"/>
         </Option>
        </Option>
@@ -42,7 +42,7 @@
    <symbol type="fill" name="1" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="120,198,121,255"/>
+      <Option name="color" type="QString" value="46,139,87,255"/>
       <Option name="style" type="QString" value="solid"/>
       <Option name="outline_color" type="QString" value="70,70,70,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
@@ -55,7 +55,7 @@
        <Option name="properties" type="Map">
         <Option name="fillColor" type="Map">
          <Option name="active" type="bool" value="true"/>
-         <Option name="expression" type="QString" value="ramp_color(create_ramp(map(0, '#fdd49e', 0.5, '#78c679', 1, '#225ea8')), if(maximum(&quot;pass&quot;) &gt; 1, (&quot;pass&quot; - 1) / (maximum(&quot;pass&quot;) - 1), 0.5))"/>
+         <Option name="expression" type="QString" value="ramp_color(create_ramp(map(0, '#b5dcc4', 0.5, '#2e8b57', 1, '#123f29')), if(maximum(&quot;pass&quot;) &gt; 1, (&quot;pass&quot; - 1) / (maximum(&quot;pass&quot;) - 1), 0.5))"/>
          <Option name="type" type="int" value="3"/>
         </Option>
        </Option>
@@ -67,7 +67,7 @@
    <symbol type="fill" name="2" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="34,94,168,255"/>
+      <Option name="color" type="QString" value="18,63,41,255"/>
       <Option name="style" type="QString" value="solid"/>
       <Option name="outline_color" type="QString" value="70,70,70,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
@@ -80,7 +80,7 @@
        <Option name="properties" type="Map">
         <Option name="fillColor" type="Map">
          <Option name="active" type="bool" value="true"/>
-         <Option name="expression" type="QString" value="ramp_color(create_ramp(map(0, '#fdd49e', 0.5, '#78c679', 1, '#225ea8')), if(maximum(&quot;pass&quot;) &gt; 1, (&quot;pass&quot; - 1) / (maximum(&quot;pass&quot;) - 1), 0.5))"/>
+         <Option name="expression" type="QString" value="ramp_color(create_ramp(map(0, '#b5dcc4', 0.5, '#2e8b57', 1, '#123f29')), if(maximum(&quot;pass&quot;) &gt; 1, (&quot;pass&quot; - 1) / (maximum(&quot;pass&quot;) - 1), 0.5))"/>
          <Option name="type" type="int" value="3"/>
         </Option>
        </Option>

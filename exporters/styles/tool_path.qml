@@ -29,7 +29,7 @@
    <symbol type="line" name="1" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleLine" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="line_color" type="QString" value="66,146,198,255"/>
+      <Option name="line_color" type="QString" value="47,127,184,255"/>
       <Option name="line_width" type="QString" value="0.4"/>
       <Option name="line_width_unit" type="QString" value="MM"/>
       <Option name="line_style" type="QString" value="solid"/>

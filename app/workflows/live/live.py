@@ -13,8 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.coverage.worked_cells import MISSED, OVERLAP, WORKED, Tile
-from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.coverage.field_boundary import field_boundary
+from furrowmap.core.coverage.field_left import FieldLeft
+from furrowmap.core.coverage.worked_cells import MISSED, NOT_SEEN, OVERLAP, WORKED, Tile
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.live.difference import LIVE_LOG, LOGGED
 from furrowmap.core.live.live_session import LiveScan, LiveSession, warm_up
@@ -32,6 +33,7 @@ from furrowmap.workflows.live.background_map import BackgroundMap, open_backgrou
 from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed, recorder_status
 from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.nmea import sentences
+from furrowmap.workflows.live.repairs import Repairs, first_packet_s
 from furrowmap.workflows.live.server import BoundedServer, Hub, PageServer, Pictures, event, serve_lines
 
 BACKLOG_S: Final = 0.3
@@ -42,7 +44,10 @@ FIGURES_EVERY_S: Final = 1.0
 RATE_OVER_S: Final = 120.0
 OPEN_EVERY_S: Final = 1.0
 PLACED_WITHIN_M: Final = 1000.0
+HEADLAND_WIDTHS: Final = 2.0
+"""Of the tool, along the boundary: where the headland is drawn, so that passes can end there."""
 ENDED_SHOWN_S: Final = 10.0
+END_STEP_S: Final = 0.5
 EARLY_S: Final = 1.6
 """A scan of before the scanner's clock was known is looked at if it came no longer ago."""
 
@@ -55,7 +60,8 @@ class LiveSummary:
         scans: looked at.
         posed: of these with a pose.
         early: came before the scanner's clock was known, or 0.3 s after; those of the last second are looked at then.
-        dropped: not looked at, because newer ones were waiting.
+        dropped: not looked at in time, because newer ones were waiting.
+        not_seen_m2: on which it is not known what the tool did, in the map's plane.
         lost_packets: of the scanner.
         worked_m2, overlap_m2, missed_m2: in the map's plane.
         delays_s: from the last packet of a scan to its pose, without early ones: median, 99.9 %, the longest.
@@ -69,6 +75,7 @@ class LiveSummary:
     worked_m2: float = 0.0
     overlap_m2: float = 0.0
     missed_m2: float = 0.0
+    not_seen_m2: float = 0.0
     delays_s: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
 
@@ -84,8 +91,11 @@ def live(
     language: str | None = None,
     on_scan: Callable[[dict[str, Any]], None] | None = None,
     stop: Event | None = None,
+    stay: bool = False,
 ) -> LiveSummary:
     """Watch a session while it is recorded, until the recorder ends, `stop` is set, or a KeyboardInterrupt.
+
+    What was not shown in time is worked out from the recording: with what time is left, and after its end.
 
     Args:
         recording: the folder that `furrowmap record` writes; with `play` the session file of an earlier recording.
@@ -98,6 +108,7 @@ def live(
         background: PMTiles or MBTiles file of raster tiles that are drawn below the ground worked.
         language: "en" or "ja", in which the page begins; by default that of its reader.
         on_scan: gets what is known with each scan, as values of JSON; before the first one what is waited for.
+        stay: whether the page stays after the end of the recording, until `stop` is set or a KeyboardInterrupt.
 
     Raises:
         FurrowmapError: if the session cannot be used, or a port is taken.
@@ -121,6 +132,7 @@ def live(
         if outlets.mqtt is not None:
             closing.callback(outlets.mqtt.close)
         threads += _serve([host] if isinstance(host, str) else host, port, nmea_port, outlets, language, closing)
+        outlets.say_waiting({language: Notice("live-starts").text_in(language) for language in LANGUAGES})
         warm_up()  # while the recorder waits for its sensors
         opened = open_session(file) if play else _opened(file, outlets, stop)
         if opened is None:
@@ -137,7 +149,9 @@ def live(
             else (FolderFeed(Path(recording), opened.session.recording, scans, stop))
         )
         threads += feed.threads
-        watch = LiveWatch(session, opened.frame, scans, outlets, threads, None if play else Path(recording))
+        repairs = Repairs(file, session)
+        closing.callback(repairs.close)
+        watch = LiveWatch(session, opened, scans, outlets, threads, repairs, None if play else Path(recording))
         for piece in feed.pieces():
             for thread in threads:
                 thread.ensure()
@@ -149,6 +163,9 @@ def live(
                 watch.take(piece.data, piece.due_s, feed.status)
             else:
                 outlets.wait_for(piece.data, feed.status.get("warnings", ()))
+        watch.end(stop)
+        while stay and not stop.wait(OPEN_EVERY_S):
+            pass
     return LiveSummary() if watch is None else watch.summary()
 
 
@@ -208,6 +225,11 @@ class Outlets:
         if self.mqtt is not None:
             self.mqtt.publish(name, content)
 
+    def say_waiting(self, what: Mapping[str, str]) -> None:
+        """Tell the page what is waited for, by language; readers who join later as well."""
+        self.pictures.remember("waiting", event("waiting", what))
+        self.page.publish(lambda: event("waiting", what))
+
     def wait_for(self, error: FurrowmapError, warnings: Sequence[dict[str, str]] = ()) -> None:
         """Tell page and caller what is missing, and the page what the recorder warns of."""
         said = [by_language(warning) for warning in warnings[:2]]
@@ -215,7 +237,7 @@ class Outlets:
             language: " ".join([error.lines_in(language)[0], *(text[language] for text in said)])
             for language in LANGUAGES
         }
-        self.page.publish(lambda: event("waiting", content))
+        self.say_waiting(content)
         if self.on_scan is not None:
             self.on_scan({"waiting": error.what})
 
@@ -269,14 +291,16 @@ class LiveWatch:
     def __init__(
         self,
         session: LiveSession,
-        frame: MapFrame,
+        opened: OpenSession,
         stream: ScanStream,
         outlets: Outlets,
         threads: Sequence[SupervisedThread],
+        repairs: Repairs,
         folder: Path | None = None,
     ) -> None:
         self._session = session
-        self._frame = frame
+        self._opened = opened
+        self._frame = opened.frame
         self._stream = stream
         self._to = outlets
         self._scans = self._posed = self._early = self._dropped = 0
@@ -287,14 +311,18 @@ class LiveWatch:
         self._areas: deque[tuple[float, float]] = deque()
         self._placed_m: tuple[float, float] | None = None
         self._threads = threads
+        self._repairs = repairs
+        self._field: FieldLeft | None = None
+        self._last: tuple[LiveScan, dict[str, Any]] | None = None
+        self._folder = folder
         self._log = LiveLog(folder / LIVE_LOG) if folder is not None else None
         if self._log is not None:
-            self._log.begin({"crs": frame.name})
+            self._log.begin({"crs": opened.frame.name})
 
     def take(self, scans: list[Scan], due_s: float, status: dict[str, Any]) -> None:
         """Look at scans, the last of which is complete since `due_s`, unless newer ones wait."""
         if scans and math.isnan(self._begun_s):
-            self._begun_s = time.time()
+            self._begin(scans[0])
         for scan in scans:
             scan_due_s = due_s - float(scans[-1].t_s[-1] - scan.t_s[-1])
             late_s = time.time() - scan_due_s
@@ -302,6 +330,9 @@ class LiveWatch:
             self._early += early
             if late_s > (EARLY_S if early else BACKLOG_S):
                 self._dropped += not early
+                behind_s = self._opened.session.recording.lidar_minus_gnss_s or 0.0
+                if len(scan):
+                    self._repairs.lose(float(scan.t_s[0]) - behind_s, float(scan.t_s[-1]) - behind_s)
                 continue
             seen = self._session.add_scan(scan)
             if seen is not None:
@@ -309,15 +340,50 @@ class LiveWatch:
                 if not early:
                     self._delays[np.clip(round(1e3 * (time.time() - scan_due_s)), 0, 10_000)] += 1
 
+    def _begin(self, scan: Scan) -> None:
+        """The first scan has come: what was recorded before was not shown."""
+        self._begun_s = time.time()
+        self._to.pictures.remember("waiting")
+        if math.isfinite(self._stream.utc_minus_host_s):
+            self._repairs.utc_minus_host_s = self._stream.utc_minus_host_s
+        if self._folder is not None and len(scan):
+            with suppress(FurrowmapError, OSError):
+                began_s = first_packet_s(self._opened.inputs.lidar[0]) + self._repairs.utc_minus_host_s
+                self._repairs.lose(began_s, float(scan.t_s[0]))
+
+    def end(self, stop: Event) -> None:
+        """No more scans come: what was recorded but not shown is worked out."""
+        self._changed |= self._session.finish()
+        while self._last is not None and self._repairs.can_go_on() and not stop.is_set():
+            self._say_end(is_over=False)
+            stop.wait(END_STEP_S)
+        self._say_end(is_over=True)
+
+    def _say_end(self, *, is_over: bool) -> None:
+        """Tell the readers what is known after the last scan."""
+        if self._last is None:
+            return
+        seen, status = self._last
+        self._changed |= self._repairs.step(seen.t_s, is_over=True)
+        self._put_cells()
+        figures = self._figures(seen, status, is_over=True)
+        self._to.say("figures", figures)
+        if is_over:
+            self._append(figures, seen)
+            pose = self._pose_json(seen, 0.0)
+            for name, content in (("pose", pose), ("figures", figures), ("over", {})):
+                self._to.pictures.remember(name, event(name, content))
+            self._to.say("over", {})
+
     def summary(self) -> LiveSummary:
         """What was seen so far."""
         cells = self._session.cells
         counted = np.cumsum(self._delays)
-        worked, overlap, missed = (cells.area_m2(s) if cells is not None else 0.0 for s in (WORKED, OVERLAP, MISSED))
+        areas_m2 = [cells.area_m2(s) if cells is not None else 0.0 for s in (WORKED, OVERLAP, MISSED, NOT_SEEN)]
         at = 1e-3 * np.searchsorted(counted, np.array([0.5, 0.999, 1.0]) * counted[-1])
         quantiles = tuple(at.tolist()) if counted[-1] else (math.nan,) * 3
         counts = (self._scans, self._posed, self._early, self._dropped, self._stream.lost_packets)
-        return LiveSummary(*counts, worked, overlap, missed, quantiles)
+        return LiveSummary(*counts, *areas_m2, quantiles)
 
     def _tell(self, seen: LiveScan, delay_s: float, status: dict[str, Any]) -> None:
         pose, now_s = seen.pose, time.time()
@@ -329,27 +395,74 @@ class LiveWatch:
             self._to.lines.publish(lambda: sentences(pose, self._frame))
         if self._to.on_scan is not None:
             self._to.on_scan(as_json(seen) | {"delay_s": round(delay_s, 3), "dropped": self._dropped})
+        self._last = seen, status
         if self._is_due("pose", POSE_EVERY_S, now_s):
-            self._to.say("pose", as_json(seen) | {"delay_s": round(delay_s, 3)})
-        cells = self._session.cells
-        if cells is not None and self._changed and self._is_due("cells", CELLS_EVERY_S, now_s):
-            changed, self._changed = self._changed, set()
-            self._to.page.publish(lambda: self._to.pictures.changes(cells, changed))
+            self._to.say("pose", self._pose_json(seen, delay_s))
+        if self._changed and self._is_due("cells", CELLS_EVERY_S, now_s):
+            self._put_cells()
         if self._is_due("figures", FIGURES_EVERY_S, now_s):
+            self._changed |= self._repairs.step(seen.t_s)
             figures = self._figures(seen, status)
             self._to.say("figures", figures)
-            if pose is not None and self._log is not None:
-                self._log.append({name: (figures | as_json(seen))[name] for name in LOGGED})
+            if pose is not None:
+                self._append(figures, seen)
+
+    def _pose_json(self, seen: LiveScan, delay_s: float) -> dict[str, Any]:
+        """What is known with a scan, and how far the edges of other passes are."""
+        gaps_m = self._session.edge_gaps_m(seen.pose) if seen.pose is not None else (math.nan, math.nan)
+        edge_m = [round(gap, 2) if math.isfinite(gap) else None for gap in gaps_m]
+        return as_json(seen) | {"delay_s": round(delay_s, 3), "edge_m": edge_m}
+
+    def _put_cells(self) -> None:
+        """Tell the page which cells changed."""
+        cells = self._session.cells
+        changed = self._changed
+        self._changed = set()
+        if cells is None:
+            return
+        if self._field is not None:
+            self._field.look_at(cells, changed)
+        self._to.page.publish(lambda: self._to.pictures.changes(cells, changed))
+
+    def _append(self, figures: dict[str, Any], seen: LiveScan) -> None:
+        """Log what is shown."""
+        if self._log is not None and seen.pose is not None:
+            self._log.append({name: (figures | as_json(seen))[name] for name in LOGGED})
 
     def _place(self, e_m: float, n_m: float) -> None:
         """Tell where the map is, at first and where the background is not linear any more."""
+        self._to.pictures.drive(e_m, n_m)
         if self._placed_m is not None and math.dist(self._placed_m, (e_m, n_m)) < PLACED_WITHIN_M:
             return
+        if self._placed_m is None:
+            self._field = self._field_at(e_m, n_m)
         self._placed_m = round(e_m), round(n_m)
         background = self._to.background
         pictures = self._to.pictures
-        place = background.place(self._frame, *self._placed_m) if background is not None else None
-        self._to.page.publish(lambda: pictures.placed({"origin_m": self._placed_m, "background": place}))
+        implement = self._opened.session.implement
+        about: dict[str, Any] = {
+            "origin_m": self._placed_m,
+            "background": background.place(self._frame, *self._placed_m) if background is not None else None,
+            "tool": None if implement is None else {"xy_m": implement.xy_m, "width_m": implement.width_m},
+            "field_m": [],
+            "headland_m": [],
+        }
+        if self._field is not None and implement is not None:
+            inner = self._field.rings(HEADLAND_WIDTHS * implement.width_m)
+            about |= {"headland_m": [ring.round(2).tolist() for ring in inner]}
+        if self._field is not None:
+            about |= {"field_m": [ring.round(2).tolist() for ring in self._field.rings()]}
+        self._to.page.publish(lambda: pictures.placed(about))
+
+    def _field_at(self, e_m: float, n_m: float) -> FieldLeft | None:
+        """The field of the session; None where it states none, or its file cannot be used."""
+        file = self._opened.inputs.boundary
+        if file is None:
+            return None
+        with suppress(FurrowmapError, OSError):
+            boundary, _ = field_boundary(file, self._frame, self._opened.session.field.name, np.array([[e_m, n_m]]))
+            return FieldLeft(boundary)
+        return None
 
     def _is_due(self, what: str, every_s: float, now_s: float) -> bool:
         due = now_s - self._told_s[what] >= every_s - 0.02
@@ -357,7 +470,7 @@ class LiveWatch:
             self._told_s[what] = now_s
         return due
 
-    def _figures(self, seen: LiveScan, status: dict[str, Any]) -> dict[str, Any]:
+    def _figures(self, seen: LiveScan, status: dict[str, Any], *, is_over: bool = False) -> dict[str, Any]:
         """Areas, the rate of the last minutes, and what recorder and live session lack."""
         said = self.summary()
         self._areas.append((seen.t_s, said.worked_m2))
@@ -374,9 +487,13 @@ class LiveWatch:
             "overlap_m2": round(said.overlap_m2, 1),
             "missed_m2": round(said.missed_m2, 1),
             "rate_m2ps": round((said.worked_m2 - first_m2) / over_s, 3) if over_s > 5.0 else None,
+            "not_seen_m2": round(said.not_seen_m2, 1),
+            "left_m2": round(self._field.left_m2, 1) if self._field is not None else None,
+            "waits_s": round(self._repairs.left_s(is_over=is_over), 1),
             "dropped": said.dropped,
             "lost_packets": said.lost_packets,
-            "warnings": [by_language(warning) for warning in warnings[:5]],
+            "over": is_over,
+            "warnings": [by_language(warning) | {"code": warning["code"]} for warning in warnings[:5]],
         }
 
 

@@ -3,10 +3,12 @@
 import base64
 import io
 import json
+import math
 import re
 import socket
 import sys
 import zlib
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -25,6 +27,7 @@ from numpy.typing import NDArray
 from furrowmap.core.coverage.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, WorkedCells
 from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.exporters.reports.html_pages import render
+from furrowmap.exporters.work_colours import DAY, NIGHT
 from furrowmap.workflows.live.background_map import BackgroundMap, kind_of
 from furrowmap.workflows.live.hosts import OwnHosts
 from furrowmap.workflows.live.reader_places import Places, ReaderPlace
@@ -46,6 +49,9 @@ SEND_BUFFER_BYTES: Final = 1 << 16
 WRONG_HOST: Final = b"This page is not known by that name. Open it by the address of the computer, or state --host.\n"
 KEEP_ALIVE_S: Final = 2.0
 """A reader that hears nothing for some of these connects again: a link may be cut without an end of the connection."""
+MAX_WAY: Final = 5000
+"""Places of the own track that a reader gets who joins; the last ones."""
+WAY_STEP_M: Final = 1.0
 TILE: Final = re.compile(r"/tiles/(\d{1,2})/(\d{1,8})/(\d{1,8})")
 
 
@@ -110,6 +116,18 @@ class Pictures:
         self._sent: dict[Tile, NDArray[np.uint8]] = {}
         self._whole: bytes | None = None
         self._about: dict[str, Any] = {}
+        self._way: deque[tuple[float, float]] = deque(maxlen=MAX_WAY)
+        self._said: dict[str, bytes] = {}
+
+    def drive(self, e_m: float, n_m: float) -> None:
+        """Remember where the vehicle drove."""
+        if not self._way or math.dist(self._way[-1], (e_m, n_m)) > WAY_STEP_M:
+            self._way.append((round(e_m, 2), round(n_m, 2)))
+            self._whole = None
+
+    def remember(self, name: str, message: bytes = b"") -> None:
+        """Say this to who joins later as well; nothing of that name any more without a message."""
+        self._said[name] = message
 
     def placed(self, about: dict[str, Any]) -> bytes:
         """Remember where the map is, and say it as a message of its own."""
@@ -126,16 +144,19 @@ class Pictures:
                 "cell_m": CELL_SIDE_M,
                 "tile": TILE_CELLS,
                 "tiles": tiles,
+                "way_m": list(self._way),
                 "cells": base64.b64encode(zlib.compress(cells, 1)).decode("ascii"),
             }
             self._whole = event("picture", picture)
-        return self._whole
+        return self._whole + b"".join(self._said.values())
 
     def changes(self, cells: WorkedCells, tiles: set[Tile]) -> bytes:
         """Runs of cells [first, count, state] that changed, by tile."""
         out = []
         for tile in tiles:
-            now = cells.tiles()[tile]
+            now = cells.tiles().get(tile)
+            if now is None:
+                continue
             before = self._sent.get(tile)
             changed = (now != (before if before is not None else 0)).ravel()
             at = np.flatnonzero(changed)
@@ -377,7 +398,13 @@ class PageServer(BoundedServer):
         names: Sequence[str] = (),
     ) -> None:
         page = render(
-            "live.html", "script-src 'self'", "connect-src 'self'", "img-src 'self' data:", language=language
+            "live.html",
+            "script-src 'self'",
+            "connect-src 'self'",
+            "img-src 'self' data:",
+            language=language,
+            day=DAY,
+            night=NIGHT,
         ).encode()
         script = files("furrowmap.exporters.share").joinpath("live.js").read_bytes()
         self.served = {"/": ("text/html; charset=utf-8", page), "/live.js": ("text/javascript; charset=utf-8", script)}

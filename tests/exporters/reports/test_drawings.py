@@ -190,7 +190,7 @@ def test_drawing__is_as_large_as_what_is_on_it(drawn: str) -> None:
 
 
 def test_colours_of_passes__go_from_orange_over_green_to_blue() -> None:
-    assert [pass_colour(number, 3) for number in (1, 2, 3)] == ["#fdd49e", "#78c679", "#225ea8"]
+    assert [pass_colour(number, 3) for number in (1, 2, 3)] == ["#b5dcc4", "#2e8b57", "#123f29"]
     assert pass_colour(1, 1) == "#78c679"
     assert pass_colour(2, 5) == "#bacd8c", "half-way"
 
