@@ -101,6 +101,7 @@ class LiveSession:
         self._near: NearScans | None = NearScans(session.lidar.mounting) if implement is not None else None
         self._learning: Future[Learned] | None = None
         self._learn_after_s = math.nan
+        self._learned_last = False
         self._pool: ProcessPoolExecutor | None = None
         self._seen: SeenImplement | None = None
         self._heights: ToolHeightTracker | None = None
@@ -245,25 +246,46 @@ class LiveSession:
     def _learn(self, scan: Scan) -> None:
         """Collect scans, and look for the implement in them now and then, in a process of its own."""
         now_s = float(scan.t_s[-1])
-        implement = self._session.implement
-        assert implement is not None
-        if self._learning is not None and self._learning.done():
-            found = self._learning.result().implement
-            self._learning = None
-            if found is not None:
-                self._use(found, now_s)
-                return
+        if self._take_learned(now_s):
+            return
         assert self._near is not None
         self._near.add(scan)
         if math.isnan(self._learn_after_s):
             self._learn_after_s = now_s + LEARN_EVERY_S
         if self._learning is None and now_s > self._learn_after_s:
             self._learn_after_s = now_s + LEARN_EVERY_S
-            self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), _give_way)
-            hint = Hint(implement.xy_m, implement.width_m, implement.region_m, implement.lift_m)
-            for first in range(0, len(self._near.scans), SENT_SCANS):
-                self._pool.submit(_keep, self._near.scans[first : first + SENT_SCANS])
-            self._learning = self._pool.submit(_learn_kept, hint)
+            self._begin_to_learn()
+
+    def _take_learned(self, now_s: float) -> bool:
+        """Whether the implement was found meanwhile; it is measured from then on."""
+        if self._learning is None or not self._learning.done():
+            return False
+        found = self._learning.result().implement
+        self._learning = None
+        if found is not None:
+            self._use(found, now_s)
+        return found is not None
+
+    def _begin_to_learn(self) -> None:
+        """Look for the implement in all scans so far."""
+        implement = self._session.implement
+        assert implement is not None
+        assert self._near is not None
+        self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), _give_way)
+        hint = Hint(implement.xy_m, implement.width_m, implement.region_m, implement.lift_m)
+        for first in range(0, len(self._near.scans), SENT_SCANS):
+            self._pool.submit(_keep, self._near.scans[first : first + SENT_SCANS])
+        self._learning = self._pool.submit(_learn_kept, hint)
+
+    def learns_on(self) -> bool:
+        """Whether the implement is still looked for, where no more scans come: once more in all of them."""
+        if self._seen is not None or self._near is None or not self._near.scans:
+            return False
+        if self._learning is None and not self._learned_last:
+            self._learned_last = True
+            self._begin_to_learn()
+        self._take_learned(self._scan_s)
+        return self._learning is not None
 
     def _work(self, to_s: float, states: ToolStates) -> set[Tile]:
         """Work the ground up to a time; gives the tiles that changed."""

@@ -354,7 +354,9 @@ class LiveWatch:
     def end(self, stop: Event) -> None:
         """No more scans come: what was recorded but not shown is worked out."""
         self._changed |= self._session.finish()
-        while self._last is not None and self._repairs.can_go_on() and not stop.is_set():
+        while self._last is not None and not stop.is_set():
+            if not self._session.learns_on() and not self._repairs.can_go_on():
+                break
             self._say_end(is_over=False)
             stop.wait(END_STEP_S)
         self._say_end(is_over=True)
