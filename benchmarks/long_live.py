@@ -26,6 +26,7 @@ from furrowmap.core.readers.pcap import Datagrams, datagrams_of
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.session.opened import open_session
 from furrowmap.workflows.live.live import LiveWatch, Outlets
+from furrowmap.workflows.live.repairs import Repairs
 from furrowmap.workflows.live.server import Hub, Pictures
 
 LOOP_S = 90.0
@@ -61,9 +62,10 @@ def main() -> None:
     stream = ScanStream(opened.inputs.lidar[0], opened.session.lidar.model)
     pictures = Pictures()
     page, lines = Hub(pictures.whole), Hub()
-    watch = LiveWatch(session, opened.frame, stream, Outlets(pictures, page, lines, None, None, None))
+    outlets = Outlets(pictures, page, lines, None, None, None)
+    watch = LiveWatch(session, opened, stream, outlets, (), Repairs(asked.session, session))
     joined = page.join(), page.join(), lines.join()
-    taken: Queue[bytes] = joined[0][1] if joined[0] is not None else Queue()
+    taken: Queue[bytes] = joined[0].queue if joined[0] is not None else Queue()
     told_s = 0.0
     for loop in range(round(asked.hours * 3600.0 / LOOP_S)):
         by_s, given = loop * LOOP_S, 0
@@ -85,8 +87,8 @@ def main() -> None:
             again = page.join()
             assert again is not None
             assert session.cells is not None
-            first = again[1].get()
-            page.leave(again[0])
+            first = again.queue.get()
+            page.leave(again)
             whole_ms = 1e3 * (time.perf_counter() - begun_s)
             hectares = session.cells.area_m2(WORKED) * 1e-4
             words = f"{hectares:.3f} ha, picture {len(first) / 1e3:.1f} kB in {whole_ms:.1f} ms"

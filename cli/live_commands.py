@@ -6,6 +6,7 @@ import math
 import sys
 from dataclasses import asdict
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import click
@@ -71,8 +72,7 @@ def live(
         nmea_port=10110 if nmea_port is None else nmea_port or None,
         mqtt=mqtt,
         background=background,
-        on_scan=_put_line if console.as_json else None,
-        stay=bool(port) and played is not None and not console.as_json,
+        on_scan=_put_line if console.as_json else _stay if port and played is not None else None,
     )
     console.answer(asdict(summary), table(figures(asdict(summary))))
 
@@ -90,4 +90,11 @@ def qr_code(address: str) -> str:
 
 def _put_line(scan: dict[str, Any]) -> None:
     """Write what is known with a scan as a line of JSON."""
-    click.echo(json.dumps(scan, separators=(",", ":")))
+    if "over" not in scan:
+        click.echo(json.dumps(scan, separators=(",", ":")))
+
+
+def _stay(scan: dict[str, Any]) -> None:
+    """Keep the page after the end, until Ctrl-C."""
+    if "over" in scan:
+        Event().wait()

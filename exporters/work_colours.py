@@ -6,25 +6,25 @@ green or blue cones.
 
 from typing import Final
 
-WORKED: Final = "#2e8b57"
-OVERLAP: Final = "#c25100"
-MISSED: Final = "#7b1fa2"
-NOT_SEEN: Final = "#5f6b73"
-PASSES: Final = ("#b5dcc4", WORKED, "#123f29")
+WORKED_COLOUR: Final = "#2e8b57"
+OVERLAP_COLOUR: Final = "#c25100"
+MISSED_COLOUR: Final = "#7b1fa2"
+NOT_SEEN_COLOUR: Final = "#5f6b73"
+PASS_RAMP: Final = ("#b5dcc4", WORKED_COLOUR, "#123f29")
 """From the first pass to the last: shades of ground worked."""
-TOOL_DOWN: Final = "#8c460a"
-TOOL_UP: Final = "#2f7fb8"
-TOOL_UNKNOWN: Final = "#6e6e6e"
-BOUNDARY: Final = "#1f2a30"
+TOOL_DOWN_COLOUR: Final = "#8c460a"
+TOOL_UP_COLOUR: Final = "#2f7fb8"
+TOOL_UNKNOWN_COLOUR: Final = "#6e6e6e"
+BOUNDARY_COLOUR: Final = "#1f2a30"
 
 DAY: Final = {
-    "worked": WORKED,
-    "overlap": OVERLAP,
-    "missed": MISSED,
-    "not-seen": NOT_SEEN,
-    "tool-down": TOOL_DOWN,
-    "tool-up": TOOL_UP,
-    "boundary": BOUNDARY,
+    "worked": WORKED_COLOUR,
+    "overlap": OVERLAP_COLOUR,
+    "missed": MISSED_COLOUR,
+    "not-seen": NOT_SEEN_COLOUR,
+    "tool-down": TOOL_DOWN_COLOUR,
+    "tool-up": TOOL_UP_COLOUR,
+    "boundary": BOUNDARY_COLOUR,
     "on-tool": "#ffffff",
     "vehicle": "#0b3d91",
     "ground": "#f3efe6",

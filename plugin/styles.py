@@ -38,7 +38,7 @@ LIGHT_AZIMUTH_DEG = 315.0
 LIGHT_ALTITUDE_DEG = 40.0
 RELIEF_OPACITY = 0.6
 """The base map shows through the relief."""
-WORKED_COLOUR = "31,120,180,255"
+WORKED_GROUND = "46,139,87,255"
 WORKED_OPACITY = 0.75
 CHANGES_M = LABELS["changes_m"]
 """Heights and colours: sunk, unchanged (transparent: the surface below is seen), risen; as the products' own style."""
@@ -89,7 +89,7 @@ def show_as_counts(layer: QgsRasterLayer) -> None:
 
 def show_as_plots(layer: QgsVectorLayer) -> None:
     """Draw the outlines of the plots of a trial, with their identifiers."""
-    look = {"style": "no", "outline_color": "20,20,20,255", "outline_width": "0.4"}
+    look = {"style": "no", "outline_color": "31,42,48,255", "outline_width": "0.4"}
     layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(look)))
     label = QgsPalLayerSettings()
     label.fieldName = "id"
@@ -146,7 +146,7 @@ def _between(colours: Sequence[str], share: float) -> QColor:
 
 def fill_worked(layer: QgsVectorLayer) -> None:
     """Fill all ground worked in one bold colour."""
-    look = {"color": WORKED_COLOUR, "outline_color": WORKED_COLOUR, "outline_width": "0.3"}
+    look = {"color": WORKED_GROUND, "outline_color": WORKED_GROUND, "outline_width": "0.3"}
     layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(look)))
     layer.setOpacity(WORKED_OPACITY)
 

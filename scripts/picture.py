@@ -19,7 +19,7 @@ from scipy import ndimage
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.reports.drawings import pass_colour
-from furrowmap.exporters.work_colours import MISSED, OVERLAP
+from furrowmap.exporters.work_colours import MISSED_COLOUR, OVERLAP_COLOUR
 
 FloatArray = NDArray[np.float64]
 
@@ -207,7 +207,7 @@ def _draw_worked(axes: Axes, worked: WorkedGround) -> None:
         one = worked.passes.iloc[[k]]
         one.plot(ax=axes, facecolor=colour, alpha=0.55, edgecolor="white", linewidth=1.2, zorder=2)
         axes.plot([], [], "s", color=colour, alpha=0.7, markersize=11, label=f"pass {number}: {one.area.sum():.1f} m²")
-    layers = ((worked.overlaps, OVERLAP, "worked twice"), (worked.misses, MISSED, "missed"))
+    layers = ((worked.overlaps, OVERLAP_COLOUR, "worked twice"), (worked.misses, MISSED_COLOUR, "missed"))
     for layer, colour, label in layers:
         if not layer.empty:
             layer.plot(ax=axes, facecolor=colour, alpha=0.9, edgecolor=INK, linewidth=0.6, zorder=3)

@@ -109,14 +109,14 @@ class WorkedCells:
         return self._state
 
     def add_line(
-        self, before: FloatArray, after: FloatArray, way_m: float, t_s: float = 0.0, *, seen: bool = True
+        self, before: FloatArray, after: FloatArray, way_m: float, t_s: float = 0.0, *, unseen: bool = False
     ) -> set[Tile]:
         """Work the ground between two places (2, 2) of the ends of the tool's line; the tiles that changed.
 
         Args:
             way_m: driven forward until then.
             t_s: UTC of the later place, not before that of the line before.
-            seen: whether the tool was seen to be down; else it is unknown what it did.
+            unseen: whether it is unknown what the tool did; else it was seen to be down.
         """
         way_m += self._more_way_m
         corners = np.array([before[0], before[1], after[1], after[0]])
@@ -125,7 +125,7 @@ class WorkedCells:
         self._room.t_s[self._rows] = t_s
         self._room.corners_m[self._rows] = corners
         self._room.way_m[self._rows] = way_m
-        self._room.seen[self._rows] = seen
+        self._room.seen[self._rows] = not unseen
         self._rows += 1
         changed = set()
         row = self.swept[slice(self._rows - 1, self._rows)]

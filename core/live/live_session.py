@@ -42,12 +42,14 @@ LINE_STEP_S: Final = 0.2
 LEARN_EVERY_S: Final = 30.0
 SENT_SCANS: Final = 8
 """Sent at a time to the process that learns: while all of them are pickled, new scans would wait for 0.1 s."""
+GIVES_WAY: Final = 5
+"""Niceness of what is worked out beside: with a greedier one it would take minutes where others want the processor."""
 STRAIGHT_DEG: Final = 20.0
 """A gap between positions is worked if the tool stayed down in it and the heading changed by less."""
 UNSEEN_APART_S: Final = 5.0
 """Times in which the ground was not seen that are less apart are one."""
-_NONE: Final = np.zeros(0)
-NO_STATES: Final = ToolStates(_NONE, _NONE, np.zeros(0, np.int8), _NONE, _NONE, _NONE)
+NO_TIMES: Final = np.zeros(0)
+NO_STATES: Final = ToolStates(NO_TIMES, NO_TIMES, np.zeros(0, np.int8), NO_TIMES, NO_TIMES, NO_TIMES)
 SAMPLES: Final = np.array([0.25, 0.5, 0.75])
 """Where between two places of the tool's line its state is looked at."""
 
@@ -327,7 +329,7 @@ class LiveSession:
             if down and forward > 0.0 and joined:
                 changed |= self.cells.add_line(before, line, self._way_m, t_s)
             elif forward > 0.0 and joined and (state == ToolState.UNKNOWN).any():
-                changed |= self.cells.add_line(before, line, self._way_m, t_s, seen=False)
+                changed |= self.cells.add_line(before, line, self._way_m, t_s, unseen=True)
             if self._was_down and not down:
                 self.cells.end_pass()
             self._was_down = down
@@ -345,7 +347,7 @@ class LiveSession:
             forward = _forward_m(before[1], line, pose)
             state = states.at(before[0] + SAMPLES * (pose.t_s - before[0]))[0]
             if forward > 0.0 and not (state == ToolState.UP).all():
-                changed = self.cells.add_line(before[1], line, self._way_m, pose.t_s, seen=False)
+                changed = self.cells.add_line(before[1], line, self._way_m, pose.t_s, unseen=True)
             self._guess = pose.t_s, line, pose.attitude_deg[2]
         return changed
 
@@ -411,4 +413,4 @@ def _learn_kept(hint: Hint) -> Learned:
 def _give_way() -> None:
     """The process that learns leaves the processor to the live one."""
     if hasattr(os, "nice"):
-        os.nice(10)
+        os.nice(GIVES_WAY)

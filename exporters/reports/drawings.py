@@ -30,14 +30,14 @@ from furrowmap.exporters.reports.svg import (
     rectangle,
     segment,
 )
-from furrowmap.exporters.work_colours import PASSES, TOOL_DOWN, TOOL_UP
+from furrowmap.exporters.work_colours import PASS_RAMP, TOOL_DOWN_COLOUR, TOOL_UP_COLOUR
 
 MAP_MARGIN_M: Final = 2.0
 SMALL_HEIGHT: Final = 320.0
 """Height of a map beside others, near that of the page: its scale bar stays readable."""
 MAX_NUMBERED_PASSES: Final = 60
 """More passes have no numbers on the map."""
-PASS_COLOURS: Final = np.array([[int(colour[at : at + 2], 16) for at in (1, 3, 5)] for colour in PASSES])
+PASS_COLOURS: Final = np.array([[int(colour[at : at + 2], 16) for at in (1, 3, 5)] for colour in PASS_RAMP])
 FIX_COLOURS: Final = {
     Fix.FIXED: "#1a9850",
     Fix.FLOAT: "#f4a528",
@@ -151,8 +151,8 @@ def tool_graph(work: FieldWork) -> Markup:
 
 
 ACTIVITIES: Final = {
-    Text("working"): TOOL_DOWN,
-    Text("turning or reversing"): TOOL_UP,
+    Text("working"): TOOL_DOWN_COLOUR,
+    Text("turning or reversing"): TOOL_UP_COLOUR,
     Text("standing"): "#bdbdbd",
     Text("driving, state of the tool unknown"): "#9e9ac8",
 }

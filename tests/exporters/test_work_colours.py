@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from importlib.resources import files
 from itertools import combinations
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -80,22 +81,27 @@ def drawn(layer: str, option: str = "color") -> set[str]:
 
 
 def test_colours__are_the_same_in_qgis_and_on_the_pages() -> None:
-    assert drawn("overlaps") == {work_colours.OVERLAP}
-    assert drawn("misses") == {work_colours.MISSED}
-    assert drawn("coverage", "outline_color") == {work_colours.WORKED}
-    assert drawn("boundary", "outline_color") == {work_colours.BOUNDARY}
-    assert drawn("passes") == set(work_colours.PASSES)
-    assert {work_colours.TOOL_DOWN, work_colours.TOOL_UP, work_colours.TOOL_UNKNOWN} == drawn("tool_path", "line_color")
-    assert {work_colours.TOOL_DOWN, work_colours.TOOL_UP} < drawn("events")
+    assert drawn("overlaps") == {work_colours.OVERLAP_COLOUR}
+    plugin = (Path(__file__).resolve().parents[2] / "plugin" / "styles.py").read_text(encoding="utf-8")
+    rgb = [int(work_colours.WORKED_COLOUR[at : at + 2], 16) for at in (1, 3, 5)]
+    assert f'WORKED_GROUND = "{",".join(map(str, rgb))},255"' in plugin
+    assert drawn("misses") == {work_colours.MISSED_COLOUR}
+    assert drawn("coverage", "outline_color") == {work_colours.WORKED_COLOUR}
+    assert drawn("boundary", "outline_color") == {work_colours.BOUNDARY_COLOUR}
+    assert drawn("passes") == set(work_colours.PASS_RAMP)
+    assert {work_colours.TOOL_DOWN_COLOUR, work_colours.TOOL_UP_COLOUR, work_colours.TOOL_UNKNOWN_COLOUR} == drawn(
+        "tool_path", "line_color"
+    )
+    assert {work_colours.TOOL_DOWN_COLOUR, work_colours.TOOL_UP_COLOUR} < drawn("events")
     ramp = re.search(r"create_ramp\(map\(0, '(.*?)', 0.5, '(.*?)', 1, '(.*?)'\)\)", packaged_style("passes.qml"))
     assert ramp is not None
-    assert ramp.groups() == work_colours.PASSES
-    assert tuple(pass_colour(number, 3) for number in (1, 2, 3)) == work_colours.PASSES
+    assert ramp.groups() == work_colours.PASS_RAMP
+    assert tuple(pass_colour(number, 3) for number in (1, 2, 3)) == work_colours.PASS_RAMP
     for name in ("overlaps", "misses"):  # as a shared page draws them
         style = layer_style(name, {})
         fills = {symbol.fill for symbol in (style.default, *style.by_value.values())}
         parts = {tuple(int(value) for value in re.findall(r"\d+", str(fill))[:3]) for fill in fills}
-        colour = {"overlaps": work_colours.OVERLAP, "misses": work_colours.MISSED}[name]
+        colour = {"overlaps": work_colours.OVERLAP_COLOUR, "misses": work_colours.MISSED_COLOUR}[name]
         assert parts == {tuple(int(colour[at : at + 2], 16) for at in (1, 3, 5))}
 
 
@@ -104,9 +110,11 @@ def test_report__takes_them_from_the_one_file() -> None:
     folder = files("furrowmap.exporters.reports.templates")
     sheet = folder.joinpath("base.html").read_text(encoding="utf-8")
     for rule, name in (("overlap", "OVERLAP"), ("miss", "MISSED"), ("tool.down", "TOOL_DOWN"), ("tool.up", "TOOL_UP")):
-        assert re.search(rf"svg \.{re.escape(rule)} {{ (?:fill|stroke): {{{{ work_colours\.{name} }}}}", sheet), rule
+        assert re.search(
+            rf"svg \.{re.escape(rule)} {{ (?:fill|stroke): {{{{ work_colours\.{name}_COLOUR }}}}", sheet
+        ), rule
     keys = folder.joinpath("report.html").read_text(encoding="utf-8")
-    assert set(re.findall(r"\(work_colours\.(\w+), _", keys)) == {"OVERLAP", "MISSED", "TOOL_DOWN", "TOOL_UP"}
+    assert set(re.findall(r"\(work_colours\.(\w+)_COLOUR, _", keys)) == {"OVERLAP", "MISSED", "TOOL_DOWN", "TOOL_UP"}
 
 
 def test_live_page__has_them_by_day_and_night() -> None:
@@ -118,6 +126,6 @@ def test_live_page__has_them_by_day_and_night() -> None:
         )
         assert (by_day, by_night) == (DAY, NIGHT)
     assert [DAY[name] for name in ("worked", "overlap", "missed", "tool-down", "tool-up", "boundary")] == [
-        work_colours.WORKED, work_colours.OVERLAP, work_colours.MISSED,
-        work_colours.TOOL_DOWN, work_colours.TOOL_UP, work_colours.BOUNDARY,
+        work_colours.WORKED_COLOUR, work_colours.OVERLAP_COLOUR, work_colours.MISSED_COLOUR,
+        work_colours.TOOL_DOWN_COLOUR, work_colours.TOOL_UP_COLOUR, work_colours.BOUNDARY_COLOUR,
     ]  # fmt: skip

@@ -323,3 +323,33 @@ class PlayedFeed:
                 last_s = float(block.time_s[some][-1])
                 utc_s = last_s + self._scans.utc_minus_host_s
                 yield last_s, utc_s, self._scans.push(_some(block, some))
+
+
+def recorded_scans(opened: OpenSession, begin_s: float, end_s: float, utc_minus_host_s: float) -> Iterator[Scan]:
+    """The scans of a time, UTC, of a recording, and some of those around.
+
+    `utc_minus_host_s` is that of the clock of the computer that recorded.
+    """
+    files = opened.inputs.lidar
+    with Source(files[0]) as source:
+        is_capture = bool(capture_format(source.read(12)))
+    if not is_capture:
+        offset_s = opened.session.recording.lidar_minus_gnss_s or 0.0
+        yield from opened.lidar(begin_s).ahead_by(-offset_s).scans()
+        return
+    scanner = opened.session.lidar
+    stream = ScanStream(files[0], scanner.model, scanner.source)
+    begins_s = [first_packet_s(path) + utc_minus_host_s for path in files]
+    first = max(0, sum(at_s < begin_s for at_s in begins_s) - 1)
+    for block in datagrams_of(files[first:], Counter()):
+        if len(block) and block.time_s[-1] + utc_minus_host_s > begin_s:
+            yield from stream.push(block)
+        if len(block) and block.time_s[0] + utc_minus_host_s > end_s:
+            return
+
+
+def first_packet_s(path: Path) -> float:
+    """When the first packet of a capture was recorded, by the clock of the computer; infinite without any."""
+    with Source(path) as source:
+        block = next(iter(Capture(source)), None)
+    return float(block.time_s[0]) if block is not None and len(block) else math.inf

@@ -30,10 +30,10 @@ from furrowmap.core.values.scan import Scan
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.plain_files import append_to
 from furrowmap.workflows.live.background_map import BackgroundMap, open_background
-from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed, recorder_status
+from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed, first_packet_s, recorder_status
 from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.nmea import sentences
-from furrowmap.workflows.live.repairs import Repairs, first_packet_s
+from furrowmap.workflows.live.repairs import Repairs
 from furrowmap.workflows.live.server import BoundedServer, Hub, PageServer, Pictures, event, serve_lines
 
 BACKLOG_S: Final = 0.3
@@ -91,7 +91,6 @@ def live(
     language: str | None = None,
     on_scan: Callable[[dict[str, Any]], None] | None = None,
     stop: Event | None = None,
-    stay: bool = False,
 ) -> LiveSummary:
     """Watch a session while it is recorded, until the recorder ends, `stop` is set, or a KeyboardInterrupt.
 
@@ -107,8 +106,8 @@ def live(
         mqtt: broker that messages are sent to: mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], or mqtts://.
         background: PMTiles or MBTiles file of raster tiles that are drawn below the ground worked.
         language: "en" or "ja", in which the page begins; by default that of its reader.
-        on_scan: gets what is known with each scan, as values of JSON; before the first one what is waited for.
-        stay: whether the page stays after the end of the recording, until `stop` is set or a KeyboardInterrupt.
+        on_scan: gets what is known with each scan, as values of JSON; before the first one what is waited for; at the
+            end of the recording that it is over: the page stays until this returns.
 
     Raises:
         FurrowmapError: if the session cannot be used, or a port is taken.
@@ -137,36 +136,51 @@ def live(
         opened = open_session(file) if play else _opened(file, outlets, stop)
         if opened is None:
             return LiveSummary()
-        tools = opened.inputs.tools
-        learned = load_implement(tools[0].learned) if tools and tools[0].learned is not None else None
-        session = LiveSession(opened.session, opened.frame, learned)
+        session = _session(opened)
         closing.callback(session.close)
         scanner = opened.session.lidar
         scans = ScanStream((*opened.inputs.lidar, file)[0], scanner.model, scanner.source)
+        folder = None if play else Path(recording)
         feed: FolderFeed | PlayedFeed = (
             PlayedFeed(opened, scans, play, stop)
-            if play
-            else (FolderFeed(Path(recording), opened.session.recording, scans, stop))
+            if folder is None
+            else FolderFeed(folder, opened.session.recording, scans, stop)
         )
         threads += feed.threads
         repairs = Repairs(file, session)
         closing.callback(repairs.close)
-        watch = LiveWatch(session, opened, scans, outlets, threads, repairs, None if play else Path(recording))
-        for piece in feed.pieces():
-            for thread in threads:
-                thread.ensure()
-            if isinstance(piece.data, bytes):
-                session.add_gnss(piece.data)
-            elif isinstance(piece.data, GnssTrack):
-                session.add_track(piece.data)
-            elif isinstance(piece.data, list):
-                watch.take(piece.data, piece.due_s, feed.status)
-            else:
-                outlets.wait_for(piece.data, feed.status.get("warnings", ()))
+        watch = LiveWatch(session, opened, scans, outlets, threads, repairs, folder)
+        _follow(feed, watch, session, outlets, threads)
         watch.end(stop)
-        while stay and not stop.wait(OPEN_EVERY_S):
-            pass
     return LiveSummary() if watch is None else watch.summary()
+
+
+def _session(opened: OpenSession) -> LiveSession:
+    """What is known while the recording comes in, with the implement as an earlier session learned it."""
+    tools = opened.inputs.tools
+    learned = load_implement(tools[0].learned) if tools and tools[0].learned is not None else None
+    return LiveSession(opened.session, opened.frame, learned)
+
+
+def _follow(
+    feed: FolderFeed | PlayedFeed,
+    watch: "LiveWatch",
+    session: LiveSession,
+    outlets: "Outlets",
+    threads: Sequence[SupervisedThread],
+) -> None:
+    """Take what comes in until its end."""
+    for piece in feed.pieces():
+        for thread in threads:
+            thread.ensure()
+        if isinstance(piece.data, bytes):
+            session.add_gnss(piece.data)
+        elif isinstance(piece.data, GnssTrack):
+            session.add_track(piece.data)
+        elif isinstance(piece.data, list):
+            watch.take(piece.data, piece.due_s, feed.status)
+        else:
+            outlets.wait_for(piece.data, feed.status.get("warnings", ()))
 
 
 def _serve(
@@ -376,6 +390,8 @@ class LiveWatch:
             for name, content in (("pose", pose), ("figures", figures), ("over", {})):
                 self._to.pictures.remember(name, event(name, content))
             self._to.say("over", {})
+            if self._to.on_scan is not None:
+                self._to.on_scan({"over": True})
 
     def summary(self) -> LiveSummary:
         """What was seen so far."""

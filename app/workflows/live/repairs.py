@@ -2,8 +2,7 @@
 
 import math
 import os
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -14,14 +13,11 @@ import numpy as np
 
 from furrowmap.core.coverage.worked_cells import Swept, Tile
 from furrowmap.core.implement.seen_implement import SeenImplement
-from furrowmap.core.live.live_session import LINE_STEP_S, LiveSession
-from furrowmap.core.readers.arrived_scans import ScanStream
-from furrowmap.core.readers.pcap import Capture, capture_format, datagrams_of
+from furrowmap.core.live.live_session import GIVES_WAY, LINE_STEP_S, LiveSession
 from furrowmap.core.readers.reader import GivesTrack
-from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import FurrowmapError
-from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.session.opened import open_session
+from furrowmap.workflows.live.feeds import GNSS_DELAY_S, recorded_scans
 
 PIECE_S: Final = 60.0
 """Worked out at a time: the newest is on the page first."""
@@ -35,7 +31,6 @@ JOINED_S: Final = 10.0
 """What was lost less far apart is worked out at once."""
 REST_S: Final = 4.0
 """What is newer may still be shown in time."""
-GNSS_DELAY_S: Final = 0.05
 
 
 class Lost(NamedTuple):
@@ -46,7 +41,7 @@ class Lost(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Found:
+class WorkedAgain:
     """What the tool did in a piece of the recording, known from `since_s` on."""
 
     since_s: float
@@ -68,7 +63,7 @@ class Repairs:
         self._tried: list[Lost] = []
         self._pool: ProcessPoolExecutor | None = None
         self._piece: Lost | None = None
-        self._future: Future[Found | None] | None = None
+        self._future: Future[WorkedAgain | None] | None = None
         self._newest_s = -math.inf
         self.utc_minus_host_s = 0.0
 
@@ -163,7 +158,7 @@ def without(pieces: Sequence[Lost], others: Sequence[Lost]) -> list[Lost]:
 
 def work_again(
     file: Path, learned: SeenImplement, begin_s: float, end_s: float, utc_minus_host_s: float
-) -> Found | None:
+) -> WorkedAgain | None:
     """What the tool did in a time of a recording; None if that cannot be found out.
 
     Args:
@@ -179,7 +174,7 @@ def work_again(
         track = reader.track()
         live = LiveSession(opened.session, opened.frame, learned)
         given = int(np.searchsorted(track.t_s, begin_s - RUN_UP_S))
-        for scan in _scans(opened, begin_s - RUN_UP_S, end_s + RUN_OUT_S, utc_minus_host_s):
+        for scan in recorded_scans(opened, begin_s - RUN_UP_S, end_s + RUN_OUT_S, utc_minus_host_s):
             if scan.t_s[-1] < begin_s - RUN_UP_S:
                 continue
             come = max(given, int(np.searchsorted(track.t_s, scan.t_s[-1] - GNSS_DELAY_S)))
@@ -195,37 +190,10 @@ def work_again(
         return None
     swept = live.cells.swept
     swept = swept[(swept.t_s > begin_s) & (swept.t_s <= end_s + LINE_STEP_S)]  # up to the place where others go on
-    return Found(live.since_s, replace(swept, t_s=np.minimum(swept.t_s, end_s)))
-
-
-def _scans(opened: OpenSession, begin_s: float, end_s: float, utc_minus_host_s: float) -> Iterator[Scan]:
-    """The scans of a time, and some of those around."""
-    files = opened.inputs.lidar
-    with Source(files[0]) as source:
-        is_capture = bool(capture_format(source.read(12)))
-    if not is_capture:
-        offset_s = opened.session.recording.lidar_minus_gnss_s or 0.0
-        yield from opened.lidar(begin_s).ahead_by(-offset_s).scans()
-        return
-    scanner = opened.session.lidar
-    stream = ScanStream(files[0], scanner.model, scanner.source)
-    begins_s = [first_packet_s(path) + utc_minus_host_s for path in files]
-    first = max(0, sum(at_s < begin_s for at_s in begins_s) - 1)
-    for block in datagrams_of(files[first:], Counter()):
-        if len(block) and block.time_s[-1] + utc_minus_host_s > begin_s:
-            yield from stream.push(block)
-        if len(block) and block.time_s[0] + utc_minus_host_s > end_s:
-            return
-
-
-def first_packet_s(path: Path) -> float:
-    """When the first packet of a capture was recorded, by the clock of the computer; infinite without any."""
-    with Source(path) as source:
-        block = next(iter(Capture(source)), None)
-    return float(block.time_s[0]) if block is not None and len(block) else math.inf
+    return WorkedAgain(live.since_s, replace(swept, t_s=np.minimum(swept.t_s, end_s)))
 
 
 def _give_way() -> None:
-    """The process that looks again leaves the processor to all others."""
+    """The process that looks again lets all others go first."""
     if hasattr(os, "nice"):
-        os.nice(19)
+        os.nice(GIVES_WAY)

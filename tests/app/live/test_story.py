@@ -75,14 +75,14 @@ class Story:
         """Where the map is."""
         self.hub.publish(lambda: self.pictures.placed(ABOUT))
 
-    def drive(self, east_m: tuple[float, float], north_m: float, *, seen: bool = True) -> None:
+    def drive(self, east_m: tuple[float, float], north_m: float, *, unseen: bool = False) -> None:
         """Work a pass."""
         steps = np.arange(east_m[0], east_m[1] + 0.1, 0.5)
         changed = set()
         for west, east in pairwise(steps):
             self.t_s += 0.5
             before, after = (np.array([[x, north_m - WIDTH_M / 2], [x, north_m + WIDTH_M / 2]]) for x in (west, east))
-            changed |= self.cells.add_line(before, after, self.t_s, self.t_s, seen=seen)
+            changed |= self.cells.add_line(before, after, self.t_s, self.t_s, unseen=unseen)
             self.pictures.drive(float(east), north_m)
         changed |= self.cells.finish()
         self.hub.publish(lambda: self.pictures.changes(self.cells, changed))
@@ -237,7 +237,7 @@ def test_page__tells_the_story_of_a_day(browser: Browser, language: str) -> None
         assert {"en": "not for steering", "ja": "操舵には使えません"}[language] in page.inner_text("#eye")
         seen_everywhere(page, f"4-line-{language}", windows)
 
-        story.drive((10.0, 30.0), 7.0, seen=False)
+        story.drive((10.0, 30.0), 7.0, unseen=True)
         lost: dict[str, Any] = {"missing": ("positions", "tool"), "position_age_s": 9.2, "speed_mps": 1.1}
         story.pose(30.0, 7.0, "unknown", **lost)
         story.figures()

@@ -54,8 +54,7 @@ def lines(cells: WorkedCells, north_m: float, first_s: float, *, unseen: tuple[f
     """A pass of 20 m and 2 m width to the east in 100 s, of which the tool was not seen for a time."""
     for k in range(100):
         before, after = (np.array([[0.2 * n, north_m - 1.0], [0.2 * n, north_m + 1.0]]) for n in (k, k + 1))
-        seen = not unseen[0] <= k < unseen[1]
-        cells.add_line(before, after, 0.2 * (first_s + k + 1), first_s + k + 1, seen=seen)
+        cells.add_line(before, after, 0.2 * (first_s + k + 1), first_s + k + 1, unseen=unseen[0] <= k < unseen[1])
     cells.end_pass()
 
 
