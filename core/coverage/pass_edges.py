@@ -40,7 +40,7 @@ def edge_gaps_m(swept: Swept, line_m: FloatArray, way_m: float) -> tuple[float, 
     lateral_m = from_m[near] @ left
     right_m = lateral_m.min(axis=1)
     left_m = lateral_m.max(axis=1)
-    near_enough = (left_m > -NEIGHBOUR_WIDTHS * width_m) & (right_m < WIDTHS * width_m)
+    near_enough = (left_m > -NEIGHBOUR_WIDTHS * width_m) & (right_m < NEIGHBOUR_WIDTHS * width_m)
     is_left = right_m + left_m > 0.0
     of_left = right_m[near_enough & is_left]
     of_right = left_m[near_enough & ~is_left]
