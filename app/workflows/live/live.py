@@ -381,6 +381,7 @@ class LiveWatch:
             return
         seen, status = self._last
         self._changed |= self._repairs.step(seen.t_s, is_over=True)
+        self._changed |= self._session.finish()
         self._put_cells()
         figures = self._figures(seen, status, is_over=True)
         self._to.say("figures", figures)
