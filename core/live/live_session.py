@@ -20,7 +20,7 @@ from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.near_scans import NearScan, NearScans
 from furrowmap.core.implement.seen_implement import Hint, Learned, SeenImplement
 from furrowmap.core.implement.states import tool_history
-from furrowmap.core.live.poses import MAX_BRIDGED_S, MAX_CARRIED_S, LivePose, LivePoses
+from furrowmap.core.live.poses import LEVEL_SIGMA, MAX_BRIDGED_S, MAX_CARRIED_S, Level, LivePose, LivePoses
 from furrowmap.core.matching.returns import LEARN_SCANS
 from furrowmap.core.readers.arrived_positions import Kind, log_kind
 from furrowmap.core.runtime.arrays import FloatArray
@@ -84,16 +84,19 @@ class LiveSession:
         session: as the machine's profile states it.
         frame: the map frame.
         learned: the implement as an earlier session learned it.
+        level: see :class:`LivePoses`.
 
     Attributes:
         cells: ground worked; None where the session states no implement.
         learned_s: UTC since which the tool is observed; nan before.
     """
 
-    def __init__(self, session: Session, frame: MapFrame, learned: SeenImplement | None = None) -> None:
+    def __init__(
+        self, session: Session, frame: MapFrame, learned: SeenImplement | None = None, level: Level | None = None
+    ) -> None:
         self._session = session
         self._frame = frame
-        self._poses = LivePoses(session, frame)
+        self._poses = LivePoses(session, frame, level)
         self._tail = b""
         self._kind: Kind | None = None
         self._gnss_s = self._scan_s = math.nan
@@ -166,6 +169,12 @@ class LiveSession:
     def since_s(self) -> float:
         """UTC since which the place of the tool is known; infinite before."""
         return self._since_s
+
+    @property
+    def knows_level(self) -> bool:
+        """Whether turns have shown how the ground slopes; before, places are off by some centimetres on slopes."""
+        level = self._poses.level
+        return level is not None and level.sigma < LEVEL_SIGMA
 
     @property
     def seen_implement(self) -> SeenImplement | None:

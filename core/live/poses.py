@@ -73,6 +73,18 @@ SWAY_SIGMA_RAD: Final = np.radians(0.12)
 """What scans do not show of the sway."""
 
 
+LEVEL_SIGMA: Final = 0.004
+"""The slopes of the plane that scans take for level are known to this, if turns showed them."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """The plane that scans take for level: its slopes (2,) to the east and the north, and their standard deviation."""
+
+    slope: FloatArray
+    sigma: float
+
+
 @dataclass(frozen=True)
 class LivePose:
     """The vehicle frame's pose at a time.
@@ -113,12 +125,14 @@ class LivePoses:
     Args:
         session: says how scanner and antenna are mounted.
         frame: the map frame.
+        level: what is level, as an earlier look at the same scans from the same one on has found it.
 
     Raises:
         InputError: if the session names an unknown quality of positions.
     """
 
-    def __init__(self, session: Session, frame: MapFrame) -> None:
+    def __init__(self, session: Session, frame: MapFrame, level: Level | None = None) -> None:
+        self._level = level
         self._frame = frame
         self._fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
         mounting = session.lidar.mounting
@@ -135,6 +149,11 @@ class LivePoses:
     def direction_is_certain(self) -> bool:
         """Whether it is known which way is forward."""
         return len(self._drives) == 1
+
+    @property
+    def level(self) -> Level | None:
+        """What is level, as far as the drive has shown it; None before it begins."""
+        return self._drives[0].level if self._drives else None
 
     @property
     def has_positions(self) -> bool:
@@ -223,7 +242,9 @@ class LivePoses:
         up = _upright_on(self._first, self._rotation, self._sensor_m)
         self._first = [scan for scan in self._first if _middle_s(scan) >= positions.t_s[first]]
         self._drives = [
-            _Drive(RecentGround(self._rotation, self._sensor_m), self._lever_m, up, positions, first, *start)
+            _Drive(
+                RecentGround(self._rotation, self._sensor_m), self._lever_m, up, positions, first, *start, self._level
+            )
             for start in starts
         ]
 
@@ -252,6 +273,7 @@ class _Drive:
         first: which of them is the first.
         yaw_rad: assumed then.
         speed_mps: assumed then, negative in reverse.
+        level: known then; None for nothing.
 
     Attributes:
         known: (n, 16) at positions: time, place (3), yaw less the sum of the turns, speed, slopes (2) of the plane that
@@ -270,13 +292,16 @@ class _Drive:
         first: int,
         yaw_rad: float,
         speed_mps: float,
+        level: Level | None,
     ) -> None:
         self._ground = ground
         self._lever_m = lever_m
         t_s = float(positions.t_s[first])
         place = positions.xyz_m[first] - _attitude(np.zeros(2), yaw_rad, up) @ lever_m
         self._taken_s = np.nextafter(t_s, -np.inf)
-        self._filter = DriveFilter(t_s, np.array([*place, 0.0, speed_mps, *np.zeros(5)]), yaw_rad, 0.0)
+        slope = level.slope if level is not None else np.zeros(2)
+        mean = np.array([*place, 0.0, speed_mps, *slope, *np.zeros(3)])
+        self._filter = DriveFilter(t_s, mean, yaw_rad, 0.0, level.sigma if level is not None else 0.0)
         # Of scans: time, sum of the turns, its variance, place on the ground's cells (3), upward direction (2), place
         # on the map (2).
         self._turns = np.array([[t_s, yaw_rad, 0.0, 0.0, 0.0, 0.0, *up, *place[:2]]])
@@ -284,6 +309,12 @@ class _Drive:
         self._matched_s = -np.inf
         self.known = np.zeros((0, 16))
         self.residual_m = self.way_m = self.speed_mps = 0.0
+
+    @property
+    def level(self) -> Level:
+        """What is level, as far as it is known."""
+        sigma = float(np.sqrt(np.diag(self._filter.covariance)[5:7].max()))
+        return Level(self._filter.mean[5:7].copy(), sigma)
 
     def add(self, scan: Scan, positions: Positions | None) -> None:
         """Add a scan, and the positions up to it."""

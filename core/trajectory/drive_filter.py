@@ -35,6 +35,7 @@ class DriveFilter:
         mean: (10,) what is assumed then.
         turned: sum of the scans' turns until then, in rad.
         variance: of that sum; only its growth counts.
+        slope_sigma: of the slopes; 0 where they are not known, as at the start of a drive.
 
     Attributes:
         mean: (10,) easting, northing and height of the vehicle's origin, yaw less the sum of the scans' turns, speed,
@@ -42,10 +43,11 @@ class DriveFilter:
         covariance: (10, 10).
     """
 
-    def __init__(self, t_s: float, mean: FloatArray, turned: float, variance: float) -> None:
+    def __init__(self, t_s: float, mean: FloatArray, turned: float, variance: float, slope_sigma: float = 0.0) -> None:
         self.mean = mean
         place, yaw, speed = START_SIGMA
-        self.covariance = np.diag(np.square([place, place, place, yaw, speed, START_SLOPE, START_SLOPE, 0.0, 0.0, 0.0]))
+        slope = slope_sigma or START_SLOPE
+        self.covariance = np.diag(np.square([place, place, place, yaw, speed, slope, slope, 0.0, 0.0, 0.0]))
         self._t_s = t_s
         self._turned = turned
         self._variance = variance

@@ -326,6 +326,7 @@ class LiveWatch:
         self._placed_m: tuple[float, float] | None = None
         self._threads = threads
         self._repairs = repairs
+        self._levelled = False
         self._field: FieldLeft | None = None
         self._last: tuple[LiveScan, dict[str, Any]] | None = None
         self._folder = folder
@@ -420,6 +421,9 @@ class LiveWatch:
         if self._changed and self._is_due("cells", CELLS_EVERY_S, now_s):
             self._put_cells()
         if self._is_due("figures", FIGURES_EVERY_S, now_s):
+            if not self._levelled and self._session.knows_level:
+                self._levelled = True
+                self._repairs.lose(self._session.since_s, seen.t_s)
             self._changed |= self._repairs.step(seen.t_s)
             figures = self._figures(seen, status)
             self._to.say("figures", figures)

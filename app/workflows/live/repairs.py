@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -14,9 +14,12 @@ import numpy as np
 from furrowmap.core.coverage.worked_cells import Swept, Tile
 from furrowmap.core.implement.seen_implement import SeenImplement
 from furrowmap.core.live.live_session import GIVES_WAY, LINE_STEP_S, LiveSession
+from furrowmap.core.live.poses import LEVEL_SIGMA, LivePoses
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.runtime.errors import FurrowmapError
-from furrowmap.core.session.opened import open_session
+from furrowmap.core.session.opened import OpenSession, open_session
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.scan import Scan
 from furrowmap.workflows.live.feeds import GNSS_DELAY_S, recorded_scans
 
 PIECE_S: Final = 60.0
@@ -172,17 +175,18 @@ def work_again(
         reader = opened.positions()
         assert isinstance(reader, GivesTrack)
         track = reader.track()
-        live = LiveSession(opened.session, opened.frame, learned)
-        given = int(np.searchsorted(track.t_s, begin_s - RUN_UP_S))
-        for scan in recorded_scans(opened, begin_s - RUN_UP_S, end_s + RUN_OUT_S, utc_minus_host_s):
-            if scan.t_s[-1] < begin_s - RUN_UP_S:
-                continue
-            come = max(given, int(np.searchsorted(track.t_s, scan.t_s[-1] - GNSS_DELAY_S)))
-            live.add_track(track[given:come])
-            given = come
+        # Looked at twice: what is level is known at the end alone, and moves the first places by centimetres.
+        poses = LivePoses(opened.session, opened.frame)
+        behind_s = opened.session.recording.lidar_minus_gnss_s or 0.0
+        for scan, come in _with_positions(opened, track, begin_s, end_s, utc_minus_host_s):
+            poses.add_track(come)
+            poses.add_scan(replace(scan, t_s=scan.t_s - behind_s))
+        level = poses.level
+        known = level if level is not None and level.sigma < LEVEL_SIGMA else None
+        live = LiveSession(opened.session, opened.frame, learned, known)
+        for scan, come in _with_positions(opened, track, begin_s, end_s, utc_minus_host_s):
+            live.add_track(come)
             live.add_scan(scan)
-            if scan.t_s[0] > end_s + RUN_OUT_S:
-                break
     except (FurrowmapError, OSError):
         return None
     live.finish()
@@ -191,6 +195,24 @@ def work_again(
     swept = live.cells.swept
     swept = swept[(swept.t_s > begin_s) & (swept.t_s <= end_s + LINE_STEP_S)]  # up to the place where others go on
     return WorkedAgain(live.since_s, replace(swept, t_s=np.minimum(swept.t_s, end_s)))
+
+
+def _with_positions(
+    opened: OpenSession, track: GnssTrack, begin_s: float, end_s: float, utc_minus_host_s: float
+) -> Iterator[tuple[Scan, GnssTrack]]:
+    """The scans of a time, and of those before and after that are needed, each with the positions that came since."""
+    from_s = begin_s - RUN_UP_S
+    until_s = end_s + RUN_OUT_S
+    behind_s = opened.session.recording.lidar_minus_gnss_s or 0.0
+    given = int(np.searchsorted(track.t_s, from_s))
+    for scan in recorded_scans(opened, from_s, until_s, utc_minus_host_s):
+        if not len(scan) or scan.t_s[-1] - behind_s < from_s:
+            continue
+        come = max(given, int(np.searchsorted(track.t_s, scan.t_s[-1] - behind_s - GNSS_DELAY_S)))
+        yield scan, track[given:come]
+        given = come
+        if scan.t_s[0] - behind_s > until_s:
+            return
 
 
 def _give_way() -> None:
