@@ -20,7 +20,7 @@ from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.near_scans import NearScan, NearScans
 from furrowmap.core.implement.seen_implement import Hint, Learned, SeenImplement
 from furrowmap.core.implement.states import tool_history
-from furrowmap.core.live.poses import LEVEL_SIGMA, MAX_BRIDGED_S, MAX_CARRIED_S, Level, LivePose, LivePoses
+from furrowmap.core.live.poses import LEVEL_SIGMA, MAX_BRIDGED_S, MAX_CARRIED_S, TrueLevel, LivePose, LivePoses
 from furrowmap.core.matching.returns import LEARN_SCANS
 from furrowmap.core.readers.arrived_positions import Kind, log_kind
 from furrowmap.core.runtime.arrays import FloatArray
@@ -92,7 +92,7 @@ class LiveSession:
     """
 
     def __init__(
-        self, session: Session, frame: MapFrame, learned: SeenImplement | None = None, level: Level | None = None
+        self, session: Session, frame: MapFrame, learned: SeenImplement | None = None, level: TrueLevel | None = None
     ) -> None:
         self._session = session
         self._frame = frame

@@ -78,7 +78,7 @@ LEVEL_SIGMA: Final = 0.004
 
 
 @dataclass(frozen=True)
-class Level:
+class TrueLevel:
     """The plane that scans take for level: its slopes (2,) to the east and the north, and their standard deviation."""
 
     slope: FloatArray
@@ -131,7 +131,7 @@ class LivePoses:
         InputError: if the session names an unknown quality of positions.
     """
 
-    def __init__(self, session: Session, frame: MapFrame, level: Level | None = None) -> None:
+    def __init__(self, session: Session, frame: MapFrame, level: TrueLevel | None = None) -> None:
         self._level = level
         self._frame = frame
         self._fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
@@ -151,7 +151,7 @@ class LivePoses:
         return len(self._drives) == 1
 
     @property
-    def level(self) -> Level | None:
+    def level(self) -> TrueLevel | None:
         """What is level, as far as the drive has shown it; None before it begins."""
         return self._drives[0].level if self._drives else None
 
@@ -292,7 +292,7 @@ class _Drive:
         first: int,
         yaw_rad: float,
         speed_mps: float,
-        level: Level | None,
+        level: TrueLevel | None,
     ) -> None:
         self._ground = ground
         self._lever_m = lever_m
@@ -311,10 +311,10 @@ class _Drive:
         self.residual_m = self.way_m = self.speed_mps = 0.0
 
     @property
-    def level(self) -> Level:
+    def level(self) -> TrueLevel:
         """What is level, as far as it is known."""
         sigma = float(np.sqrt(np.diag(self._filter.covariance)[5:7].max()))
-        return Level(self._filter.mean[5:7].copy(), sigma)
+        return TrueLevel(self._filter.mean[5:7].copy(), sigma)
 
     def add(self, scan: Scan, positions: Positions | None) -> None:
         """Add a scan, and the positions up to it."""
