@@ -20,7 +20,7 @@ from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.near_scans import NearScan, NearScans
 from furrowmap.core.implement.seen_implement import Hint, Learned, SeenImplement
 from furrowmap.core.implement.states import tool_history
-from furrowmap.core.live.poses import LEVEL_SIGMA, MAX_BRIDGED_S, MAX_CARRIED_S, TrueLevel, LivePose, LivePoses
+from furrowmap.core.live.poses import MAX_BRIDGED_S, MAX_CARRIED_S, TRUE_LEVEL_SIGMA, LivePose, LivePoses, TrueLevel
 from furrowmap.core.matching.returns import LEARN_SCANS
 from furrowmap.core.readers.arrived_positions import Kind, log_kind
 from furrowmap.core.runtime.arrays import FloatArray
@@ -174,7 +174,7 @@ class LiveSession:
     def knows_level(self) -> bool:
         """Whether turns have shown how the ground slopes; before, places are off by some centimetres on slopes."""
         level = self._poses.level
-        return level is not None and level.sigma < LEVEL_SIGMA
+        return level is not None and level.sigma < TRUE_LEVEL_SIGMA
 
     @property
     def seen_implement(self) -> SeenImplement | None:

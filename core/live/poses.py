@@ -73,7 +73,7 @@ SWAY_SIGMA_RAD: Final = np.radians(0.12)
 """What scans do not show of the sway."""
 
 
-LEVEL_SIGMA: Final = 0.004
+TRUE_LEVEL_SIGMA: Final = 0.004
 """The slopes of the plane that scans take for level are known to this, if turns showed them."""
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from furrowmap.core.coverage.worked_cells import Swept, Tile
 from furrowmap.core.implement.seen_implement import SeenImplement
 from furrowmap.core.live.live_session import GIVES_WAY, LINE_STEP_S, LiveSession
-from furrowmap.core.live.poses import LEVEL_SIGMA, LivePoses
+from furrowmap.core.live.poses import TRUE_LEVEL_SIGMA, LivePoses
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.opened import OpenSession, open_session
@@ -182,7 +182,7 @@ def work_again(
             poses.add_track(come)
             poses.add_scan(replace(scan, t_s=scan.t_s - behind_s))
         level = poses.level
-        known = level if level is not None and level.sigma < LEVEL_SIGMA else None
+        known = level if level is not None and level.sigma < TRUE_LEVEL_SIGMA else None
         live = LiveSession(opened.session, opened.frame, learned, known)
         for scan, come in _with_positions(opened, track, begin_s, end_s, utc_minus_host_s):
             live.add_track(come)
