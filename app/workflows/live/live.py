@@ -210,14 +210,16 @@ def _serve(
 
 
 def _opened(file: Path, outlets: "Outlets", stop: Event) -> OpenSession | None:
-    """The session, as soon as the recorder has written it and knows where it is; None if stopped before."""
+    """The session, as soon as the recorder has written it and knows where it is; None if stopped or ended before."""
     while not stop.is_set():
         try:
             return open_session(file)
         except FurrowmapError as error:
             begun = file.exists() and FILL_IN not in error.what
-            warnings = recorder_status(file.parent).get("warnings", ())
-            outlets.wait_for(error if begun else InputError("live-waits"), warnings)
+            status = recorder_status(file.parent)
+            outlets.wait_for(error if begun else InputError("live-waits"), status.get("warnings", ()))
+            if status.get("state") == "ended":
+                return None
         stop.wait(OPEN_EVERY_S)
     return None
 
@@ -399,11 +401,12 @@ class LiveWatch:
         """What was seen so far."""
         cells = self._session.cells
         counted = np.cumsum(self._delays)
-        areas_m2 = [cells.area_m2(s) if cells is not None else 0.0 for s in (WORKED, OVERLAP, MISSED, NOT_SEEN)]
+        states = (WORKED, OVERLAP, MISSED, NOT_SEEN)
+        worked, overlap, missed, not_seen = (cells.area_m2(s) if cells is not None else 0.0 for s in states)
         at = 1e-3 * np.searchsorted(counted, np.array([0.5, 0.999, 1.0]) * counted[-1])
         quantiles = tuple(at.tolist()) if counted[-1] else (math.nan,) * 3
         counts = (self._scans, self._posed, self._early, self._dropped, self._stream.lost_packets)
-        return LiveSummary(*counts, *areas_m2, quantiles)
+        return LiveSummary(*counts, worked, overlap, missed, not_seen, quantiles)
 
     def _tell(self, seen: LiveScan, delay_s: float, status: dict[str, Any]) -> None:
         pose, now_s = seen.pose, time.time()

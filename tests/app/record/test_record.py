@@ -282,14 +282,19 @@ def test_live__shows_its_page_while_it_is_recorded(
     furrowmap.save_machine(session, tmp_path / "tractor.toml")
     words = f"--machine {tmp_path}/tractor.toml --live --gnss udp://127.0.0.1:{ports[2]} --ports {ports[0]}".split()
     command = [sys.executable, "-m", "furrowmap", "record", "-o", str(tmp_path / "rec"), *words]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as recorder:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as recorder:
         seen = any(page_answers() or time.sleep(0.2) for _ in range(300) if recorder.poll() is None)
         while not (tmp_path / "rec" / "session.toml").exists() and recorder.poll() is None:
             time.sleep(0.2)
         recorder.send_signal(signal.SIGINT)
-        told = recorder.communicate()[1]
+        answer, told = recorder.communicate(timeout=60)
     assert seen, told
     assert recorder.returncode == 0, told
+    assert "Next: furrowmap run" not in answer
+    assert "No packets of a scanner were recorded" in told
+    assert "No positions were recorded" in told
+    said = told.replace(Notice("live-works-on").text, "")  # if the page took more than two seconds
+    assert "page" not in said.lower(), "the page's process ends without a word"
     assert "Cancelled" not in told, "the page's process ends well, as the recording does"
     assert not page_answers()
     text = (tmp_path / "rec" / "session.toml").read_text(encoding="utf-8")

@@ -29,6 +29,7 @@ from furrowmap.exporters.exchange.trajectories import TRAJECTORIES
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.reports.drawings import pass_colour
 from furrowmap.exporters.vectors.geopackage import write_field
+from furrowmap.exporters.work_colours import MISSED_COLOUR, OVERLAP_COLOUR
 from furrowmap.workflows.farm.mosaic import mosaic
 from furrowmap.workflows.share.export import EXPORT_FORMATS, export
 from tests.app.files_server import served
@@ -210,7 +211,7 @@ def told_in(to: str, target: Path) -> dict[str, str]:
 
 
 def test_kml__has_the_colours_of_the_map(result: Path, tmp_path: Path) -> None:
-    """Those that QGIS shows: missed ground yellow, worked twice red, passes from orange to blue."""
+    """Those that QGIS shows: missed ground purple, worked twice orange, passes from pale to dark green."""
     path = tmp_path / "field.kml"
     export([result], "kml", path)
     root = ET.parse(path).getroot()
@@ -222,8 +223,9 @@ def test_kml__has_the_colours_of_the_map(result: Path, tmp_path: Path) -> None:
             fill = str(style.findtext("{*}PolyStyle/{*}color"))[2:]
             shown.setdefault(str(folder.findtext("{*}name")), set()).add(fill)
 
-    assert shown["missed ground"] <= {"00edff", "00beff"}  # blue, green, red: yellow and amber, as in misses.qml
-    assert shown["ground worked twice"] == {"1c1ae3"}
+    # Blue, green, red.
+    assert shown["missed ground"] == {"".join(MISSED_COLOUR[k : k + 2] for k in (5, 3, 1))}
+    assert shown["ground worked twice"] == {"".join(OVERLAP_COLOUR[k : k + 2] for k in (5, 3, 1))}
     assert shown["passes"] == {"".join(pass_colour(n, 3)[k : k + 2] for k in (5, 3, 1)) for n in (1, 2, 3)}
 
 

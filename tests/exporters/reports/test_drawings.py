@@ -189,10 +189,10 @@ def test_drawing__is_as_large_as_what_is_on_it(drawn: str) -> None:
     assert height - 12.5 <= y.max() <= height
 
 
-def test_colours_of_passes__go_from_orange_over_green_to_blue() -> None:
+def test_colours_of_passes__go_from_pale_to_dark_green() -> None:
     assert [pass_colour(number, 3) for number in (1, 2, 3)] == ["#b5dcc4", "#2e8b57", "#123f29"]
-    assert pass_colour(1, 1) == "#78c679"
-    assert pass_colour(2, 5) == "#bacd8c", "half-way"
+    assert pass_colour(1, 1) == "#2e8b57"
+    assert pass_colour(2, 5) == "#72b48e", "half-way"
 
 
 def test_colours_of_ranges__begin_and_end_at_the_2nd_and_98th_percentile() -> None:

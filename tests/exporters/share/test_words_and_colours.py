@@ -102,11 +102,11 @@ def test_symbols__every_style_is_understood(name: str) -> None:
 
 
 def test_ramp__is_that_of_the_style() -> None:
-    """Orange, green, blue; half way between two of them is their mean."""
+    """Pale, middle and dark green; half way between two of them is their mean."""
     ramp = layer_style("passes", {"pass": [1, 2, 3, 4, 5]}).ramp
     assert ramp is not None
-    assert [ramp.colour(n) for n in (1, 3, 5)] == ["rgba(253,212,158,1)", "rgba(120,198,121,1)", "rgba(34,94,168,1)"]
-    assert ramp.colour(2, 0.65) == "rgba(186,205,140,0.65)"
+    assert [ramp.colour(n) for n in (1, 3, 5)] == ["rgba(181,220,196,1)", "rgba(46,139,87,1)", "rgba(18,63,41,1)"]
+    assert ramp.colour(2, 0.65) == "rgba(114,180,142,0.65)"
     assert layer_style("tool_path", {}).by_value["down"].stroke == "rgba(140,70,10,1)"
     assert layer_style("no such layer", {}).ramp is None
 
