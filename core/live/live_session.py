@@ -171,6 +171,11 @@ class LiveSession:
         return self._since_s
 
     @property
+    def antenna_m(self) -> tuple[float, float] | None:
+        """Easting and northing of the antenna at the last position: all that is known before the heading."""
+        return self._poses.antenna_m
+
+    @property
     def knows_level(self) -> bool:
         """Whether turns have shown how the ground slopes; before, places are off by some centimetres on slopes."""
         level = self._poses.level

@@ -151,6 +151,14 @@ class LivePoses:
         return len(self._drives) == 1
 
     @property
+    def antenna_m(self) -> tuple[float, float] | None:
+        """Easting and northing of the antenna at the last position; None without any."""
+        if self._track is None:
+            return None
+        e_m, n_m = self._frame.project(self._track.lon_deg[-1:], self._track.lat_deg[-1:])
+        return float(e_m[0]), float(n_m[0])
+
+    @property
     def level(self) -> TrueLevel | None:
         """What is level, as far as the drive has shown it; None before it begins."""
         return self._drives[0].level if self._drives else None

@@ -52,7 +52,7 @@ $("tool").textContent = words.unknown;
 
 // Cells: a canvas for each tile, drawn again only where cells changed.
 const map = { origin: null, background: null, tool: null, field: [], headland: [], way: [], cell: 0.1, side: 64, tiles: new Map() };
-let pose = null, poseAt = 0, heardAt = 0, triedAt = 0, waiting = words.starting, connected = false;
+let pose = null, spot = null, poseAt = 0, heardAt = 0, triedAt = 0, waiting = words.starting, connected = false;
 let metres = 30, northUp = false, isOver = false, figures = null, droppedAt = -Infinity;
 const dark = matchMedia("(prefers-color-scheme: dark)");
 let night = (localStorage.getItem("furrowmap-night") ?? String(dark.matches)) === "true";
@@ -225,6 +225,7 @@ function connect() {
       if (!last || Math.hypot(last[0] - p.e_m, last[1] - p.n_m) > 1) map.way.push([p.e_m, p.n_m]);
       if (map.way.length > 5000) map.way.shift();
     }
+    spot = p.antenna_m || null; // where the antenna is, while the heading is not known
     const state = p.tool;
     $("tool").dataset.state = state; $("tool").textContent = words[state];
     missing = p.missing;
@@ -329,11 +330,12 @@ function draw() {
   pen.fillStyle = colour.ground; pen.fillRect(0, 0, width, height);
   const now = performance.now(), age = pose && !isOver ? pose.delay_s + (now - poseAt) / 1000 : 0;
   say(age, now);
-  if (!pose || !map.origin) return;
+  if (!map.origin || !(pose || spot)) return;
+  const here = spot ? { e_m: spot[0], n_m: spot[1], heading_deg: 0, turn_degps: 0, speed_mps: 0 } : pose;
   // Between two messages the vehicle goes on as it went; for half a second, not more.
-  const ahead = connected && !isOver ? Math.min(0.5, (now - poseAt) / 1000) : 0;
-  const heading = (pose.heading_deg + pose.turn_degps * ahead) * Math.PI / 180;
-  const east = pose.e_m + Math.sin(heading) * pose.speed_mps * ahead, north = pose.n_m + Math.cos(heading) * pose.speed_mps * ahead;
+  const ahead = connected && !isOver && !spot ? Math.min(0.5, (now - poseAt) / 1000) : 0;
+  const heading = (here.heading_deg + here.turn_degps * ahead) * Math.PI / 180;
+  const east = here.e_m + Math.sin(heading) * here.speed_mps * ahead, north = here.n_m + Math.cos(heading) * here.speed_mps * ahead;
   const scale = Math.min(width, height) / metres;
   pen.save();
   pen.translate(width / 2, height * (northUp ? 0.5 : 0.62));
@@ -372,10 +374,12 @@ function draw() {
   path([...map.way, [east, north]], false);
   pen.globalAlpha = 1;
   pen.rotate(heading);
-  if (map.tool) drawTool(scale);
+  if (map.tool && !spot) drawTool(scale);
   pen.beginPath();
   const size = Math.max(1.4, 18 / scale);
-  pen.moveTo(0, -1.3 * size); pen.lineTo(0.8 * size, 0.8 * size); pen.lineTo(0, 0.4 * size); pen.lineTo(-0.8 * size, 0.8 * size); pen.closePath();
+  if (spot) pen.arc(0, 0, 0.6 * size, 0, 2 * Math.PI);
+  else for (const [x, y] of [[0, -1.3], [0.8, 0.8], [0, 0.4], [-0.8, 0.8]]) pen.lineTo(x * size, y * size);
+  pen.closePath();
   pen.fillStyle = colour.vehicle; pen.strokeStyle = colour.paper; pen.lineWidth = 3 / scale; pen.fill(); pen.stroke();
   pen.restore();
   showScale(scale);

@@ -415,7 +415,10 @@ class LiveWatch:
         if pose is not None:
             self._posed += 1
             self._place(pose.xyz_m[0], pose.xyz_m[1])
+            self._to.pictures.drive(pose.xyz_m[0], pose.xyz_m[1])
             self._to.lines.publish(lambda: sentences(pose, self._frame))
+        elif self._session.antenna_m is not None:
+            self._place(*self._session.antenna_m)
         if self._to.on_scan is not None:
             self._to.on_scan(as_json(seen) | {"delay_s": round(delay_s, 3), "dropped": self._dropped})
         self._last = seen, status
@@ -437,6 +440,9 @@ class LiveWatch:
         """What is known with a scan, and how far the edges of other passes are."""
         gaps_m = self._session.edge_gaps_m(seen.pose) if seen.pose is not None else (math.nan, math.nan)
         edge_m = [round(gap, 2) if math.isfinite(gap) else None for gap in gaps_m]
+        antenna_m = self._session.antenna_m if seen.pose is None else None
+        if antenna_m is not None:
+            return as_json(seen) | {"antenna_m": [round(value, 2) for value in antenna_m]}
         return as_json(seen) | {"delay_s": round(delay_s, 3), "edge_m": edge_m}
 
     def _put_cells(self) -> None:
@@ -457,7 +463,6 @@ class LiveWatch:
 
     def _place(self, e_m: float, n_m: float) -> None:
         """Tell where the map is, at first and where the background is not linear any more."""
-        self._to.pictures.drive(e_m, n_m)
         if self._placed_m is not None and math.dist(self._placed_m, (e_m, n_m)) < PLACED_WITHIN_M:
             return
         if self._placed_m is None:
