@@ -12,6 +12,7 @@ from scipy.linalg import cho_solve
 from scipy.special import chdtri
 
 from furrowmap.core.crops.bare_soil import (
+    MIN_CELL_POINTS,
     OUTLIER_SIGMAS,
     SOIL_CELL_M,
     HeightCovariance,
@@ -208,7 +209,9 @@ def align_flights(days: Sequence[dt.date], flights: Sequence[ParcelPoints]) -> t
     for day, other in zip(days[1:], cells[1:], strict=True):
         change = soil_change(cells[0], other, flights[0].parcels)
         if change is None:
-            raise InputError("growth-soil", fewest_common=MIN_COMMON_CELLS, days=days[0], day=day)
+            raise InputError(
+                "growth-soil", fewest_common=MIN_COMMON_CELLS, fewest=MIN_CELL_POINTS, days=days[0], day=day
+            )
         changes.append(change)
     return cells, changes
 

@@ -16,6 +16,7 @@ import shapely
 
 from furrowmap.cli.main import command_line
 from furrowmap.exporters.files.file_records import file_records, joint_record
+from tests.app.crops import test_response as responses
 from tests.core.readers import test_raster_heights as rasters
 from tests.exporters.farm.result_folders import write_result
 from tests.inputs import test_clouds as clouds
@@ -214,6 +215,20 @@ def test_logs_in_csv__are_inspected_as_the_plain_one_however_they_are_written(
         PLAIN[place] = inspected(written(tmp_path / "plain.csv", cells, "commas"), TYPED_TABLES[place][0], capsys)
     assert found
     assert found == pytest.approx(PLAIN[place])
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_trials__are_analysed_as_the_plain_one_however_their_tables_are_written(
+    way: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain = [responses.table(tmp_path / "heights.csv", 1), responses.doses(tmp_path / "doses.csv")]
+    cells = [[line.split(",") for line in path.read_text(encoding="utf-8").splitlines()] for path in plain]
+    given = [written(tmp_path / f"{k}.csv", table, way) for k, table in enumerate(cells)]
+    if "response" not in PLAIN:
+        PLAIN["response"] = answer(capsys, "response", plain[0], "--treatments", plain[1], "-o", tmp_path / "plain")
+    found = answer(capsys, "response", given[0], "--treatments", given[1], "-o", tmp_path / "out")
+    assert len(found) > 20
+    assert found == pytest.approx({key: PLAIN["response"][key] for key in found})
 
 
 @pytest.fixture(scope="module")
