@@ -36,6 +36,7 @@ class CellHeights:
         place: (g, 2) column and row of the cell, from the local origin.
         slope: (g, 2) of the plane, by easting and northing.
         member: (n,) the group of each return, −1 for those in none.
+        cell_m: side of a cell.
     """
 
     cell: NDArray[np.int64]
@@ -46,10 +47,15 @@ class CellHeights:
     place: NDArray[np.int64]
     slope: FloatArray
     member: NDArray[np.int32]
+    cell_m: float = STRIP_CELL_M
 
 
 def cell_heights(
-    returns: StripReturns, window: NDArray[np.int64], mounting: FloatArray, lever_m: FloatArray
+    returns: StripReturns,
+    window: NDArray[np.int64],
+    mounting: FloatArray,
+    lever_m: FloatArray,
+    cell_m: float = STRIP_CELL_M,
 ) -> CellHeights:
     """Place the returns with a mounting and sum them up.
 
@@ -59,19 +65,21 @@ def cell_heights(
             negative one do not take part.
         mounting: (3, 3) scanner to vehicle.
         lever_m: (3,) scanner in the vehicle frame.
+        cell_m: side of a cell.
     """
     r = returns
     xyz, low, high = _placed(r.sensor_m, r.origin_m, r.rotation, window, np.ascontiguousarray(mounting), lever_m)
-    first = np.floor(low / STRIP_CELL_M)
-    shape = (np.floor(high / STRIP_CELL_M) - first).astype(np.int64) + 1
-    cell, sums = _plane_sums(xyz, window, first, int(shape[0]), int(shape[1]))
-    planes = _planes(sums, int(shape[0]), int(shape[1]))
+    first = np.floor(low / cell_m)
+    shape = (np.floor(high / cell_m) - first).astype(np.int64) + 1
+    cell, sums = _plane_sums(xyz, window, first, int(shape[0]), int(shape[1]), cell_m)
+    planes = _planes(sums, int(shape[0]), int(shape[1]), cell_m)
     groups, heights, member = _sums(xyz, cell, window, planes)
     count = groups[:, 2]
     mean = heights / count[:, None]
     scatter = np.maximum(mean[:, 1] - mean[:, 0] ** 2, 0.0)
     place = np.column_stack(np.divmod(groups[:, 0], shape[1])) + first.astype(np.int64)
-    return CellHeights(groups[:, 0], groups[:, 1], count, mean[:, 0], scatter, place, planes[groups[:, 0], 2:4], member)
+    slope = planes[groups[:, 0], 2:4]
+    return CellHeights(groups[:, 0], groups[:, 1], count, mean[:, 0], scatter, place, slope, member, cell_m)
 
 
 def smooth_groups(heights: CellHeights) -> tuple[FloatArray, NDArray[np.intp]]:
@@ -169,7 +177,7 @@ def _placed(sensor, origin, rotation, window, mounting, lever):  # type: ignore[
 
 
 @kernel()
-def _plane_sums(xyz, window, first, columns, rows):  # type: ignore[no-untyped-def]
+def _plane_sums(xyz, window, first, columns, rows, side):  # type: ignore[no-untyped-def]
     """Cell (n,) of each return, and sums (cells, 9): number, x, y, z, x², y², xy, zx, zy."""
     cell = np.zeros(len(xyz), np.int64)
     out = np.zeros((columns * rows, 9))
@@ -179,7 +187,7 @@ def _plane_sums(xyz, window, first, columns, rows):  # type: ignore[no-untyped-d
         x = float(xyz[i, 0])
         y = float(xyz[i, 1])
         z = float(xyz[i, 2])
-        c = int(np.floor(x / STRIP_CELL_M) - first[0]) * rows + int(np.floor(y / STRIP_CELL_M) - first[1])
+        c = int(np.floor(x / side) - first[0]) * rows + int(np.floor(y / side) - first[1])
         cell[i] = c
         out[c, 0] += 1.0
         out[c, 1] += x
@@ -194,7 +202,7 @@ def _plane_sums(xyz, window, first, columns, rows):  # type: ignore[no-untyped-d
 
 
 @kernel()
-def _planes(sums, columns, rows):  # type: ignore[no-untyped-def]
+def _planes(sums, columns, rows, side):  # type: ignore[no-untyped-def]
     """(cells, 5) plane through each cell and its neighbours: middle x, y and slopes by x, y; and whether it is one."""
     out = np.zeros((columns * rows, 5))
     s = np.empty(9)
@@ -220,7 +228,7 @@ def _planes(sums, columns, rows):  # type: ignore[no-untyped-def]
             czx = s[7] / n - z * x
             czy = s[8] / n - z * y
             determinant = cxx * cyy - cxy**2
-            if determinant > (0.4 * STRIP_CELL_M) ** 4:
+            if determinant > (0.4 * side) ** 4:
                 out[c, 0] = x
                 out[c, 1] = y
                 out[c, 2] = (czx * cyy - czy * cxy) / determinant

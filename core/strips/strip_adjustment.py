@@ -46,7 +46,8 @@ from furrowmap.core.strips.cell_heights import (
     derivatives,
     smooth_groups,
 )
-from furrowmap.core.strips.strips import LASER_GROUPS, STRIP_CELL_M, StripReturns, at_shifted_times
+from furrowmap.core.strips.relief import relief, relief_cell_m, relief_equations
+from furrowmap.core.strips.strips import LASER_GROUPS, StripReturns, at_shifted_times
 from furrowmap.core.trajectory.from_inertial import ANY_TIME
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
@@ -288,7 +289,16 @@ def adjust_strips(
     root = root_of(np.concatenate([spread, np.full(LASER_GROUPS, CELL_HEIGHT_SIGMA_M)]), errors.covariance)
     if walk_deg_rts > 0.0:
         root = with_walk(root, FIXED, errors.t_s, attitudes_at(trajectory, errors.t_s), lever_m, walk_deg_rts)
-    off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, first, root)
+    shapes = relief(returns, node, mounting, lever_m, relief_cell_m(heights))
+    everything = np.arange(len(shapes.groups.cell))
+
+    def by_all(groups: CellHeights) -> FloatArray:
+        own = derivatives(returns, groups, everything, mounting, lever_m)
+        return np.hstack([own, _pose_design(returns, groups, everything, errors)])
+
+    shape_first = FIXED + POSE * shapes.groups.window
+    plan = relief_equations(shapes, by_all, shape_first, FIXED, len(root))
+    off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, first, root, plan)
     vehicle = slice(len(off) - errors.value.size, None)
     after = PoseErrors(errors.t_s, off[vehicle].reshape(-1, POSE), covariance[vehicle, vehicle])
     turned = mounting_walk(trajectory, errors, off, covariance, FIXED) if walk_deg_rts > 0.0 else None
@@ -311,6 +321,7 @@ def _solved(
     design: FloatArray,
     first: NDArray[np.int64],
     root: FloatArray,
+    plan: tuple[FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray]:
     """What the unknowns put into the groups' heights, and their covariance; the heights of the cells are eliminated."""
     order = np.argsort(cell, kind="stable")
@@ -325,6 +336,8 @@ def _solved(
         weight = independent * robust
         normal, right = _normal_equations(ends, height_m, weight, design, first, len(root))
         normal += np.tril(normal, -1).T
+        normal += plan[0]
+        right += plan[1]
         z, factor = solved(normal, right, root, np.zeros(root.shape[1]))
         off = root @ z
         columns = first[:, None] + np.arange(2 * POSE)
@@ -391,7 +404,7 @@ def _pose_design(
     sums = _sums(heights.member, row, node, returns.t_s, returns.origin_m, errors.t_s)
     sums /= heights.count[chosen][:, None, None]
     normal = np.column_stack([-slope, np.ones(len(chosen))])
-    middle = np.column_stack([(heights.place[chosen] + 0.5) * STRIP_CELL_M, heights.height_m[chosen]])
+    middle = np.column_stack([(heights.place[chosen] + 0.5) * heights.cell_m, heights.height_m[chosen]])
     share = sums[:, :, :1]
     origin = sums[:, :, 1:]
     by_turn = np.cross(share * middle[:, None] - origin, normal[:, None])

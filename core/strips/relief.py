@@ -1,0 +1,321 @@
+"""Places of strips against each other by the relief that they see alike: clods, plants, edges of plots, roofs.
+
+Heights of fine cells at several times are compared within blocks of ground. Where the ground slopes, a strip that is
+shifted by u in plan has heights that are higher by −g · u, with the gradient g of what all strips see together (Lucas
+and Kanade 1981, An iterative image registration technique with an application to stereo vision). A block's mean heights
+at each time take no part: they are observations of their own (:mod:`furrowmap.core.strips.strip_adjustment`), and crops
+let beams in deeper from above than from the side. Nor do shifts along the beams in proportion to their obliqueness: the
+side of a plot that faces the scanner is seen, the other one lies in its shadow. What is left are shifts of the windows
+of a block against each other, as a normal matrix into which poses and mounting are put.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.strips.cell_heights import CellHeights, cell_heights
+from furrowmap.core.strips.strips import STRIP_CELL_M, StripReturns
+
+BLOCK_M: Final = 1.0
+"""Side of a block, over which a window's returns are shifted alike."""
+CELL_RETURNS: Final = 3.0
+"""Returns that a fine cell has in the mean: of all windows, where it is compared."""
+MIN_CELL_M: Final = 0.05
+MIN_FREEDOM: Final = 20
+"""Heights of a block beyond its unknowns: with fewer there is no relief to compare."""
+CELL_SIGMA_M: Final = 0.003
+"""Standard deviation of a fine cell's mean beside the noise of its returns."""
+USUAL_RETURNS: Final = 4.0
+"""The noise of all cells stands beside that of a cell as that of so many returns: few tell little of their own."""
+TOGETHER: Final = 4.0
+"""Fine cells err together, so that as many count as one: residuals alone show 1.2, but plants bend relief."""
+MIN_DROP_M: Final = 1.0
+"""Of a beam, for its obliqueness."""
+
+
+@dataclass(frozen=True)
+class Relief:
+    """Shifts in plan of windows of time against each other, in blocks of ground.
+
+    Attributes:
+        groups: a group for each row: the returns of a window in a block.
+        row: (r,) rows of the blocks' windows, block after block.
+        first: (b + 1,) begin of each block among them.
+        normal: normal matrices (2 k, 2 k) of the shifts by easting and northing of a block's k windows, one after
+            another, of all blocks.
+        right: (2 r,) right sides.
+    """
+
+    groups: CellHeights
+    row: NDArray[np.int64]
+    first: NDArray[np.int64]
+    normal: FloatArray
+    right: FloatArray
+
+
+def relief_cell_m(heights: CellHeights) -> float:
+    """Side of the fine cells by the density of the returns, a whole share of STRIP_CELL_M."""
+    cells = max(len(np.unique(heights.cell)), 1)
+    density = max(float(heights.count.sum()) / cells / heights.cell_m**2, 1e-6)
+    return STRIP_CELL_M / max(1, int(STRIP_CELL_M / max(float(np.sqrt(CELL_RETURNS / density)), MIN_CELL_M)))
+
+
+def relief(
+    returns: StripReturns, window: NDArray[np.int64], mounting: FloatArray, lever_m: FloatArray, cell_m: float
+) -> Relief:
+    """Compare the relief that windows of time see.
+
+    Args:
+        returns: n of them.
+        window: (n,) number of each return's window of time, as :func:`cell_heights` has it.
+        mounting: (3, 3) scanner to vehicle.
+        lever_m: (3,) scanner in the vehicle frame.
+        cell_m: side of the fine cells.
+    """
+    fine = cell_heights(returns, window, mounting, lever_m, cell_m)
+    side = round(BLOCK_M / cell_m)
+    at = fine.place // side
+    low = at.min(axis=0, initial=0)
+    span = int(at[:, 1].max(initial=0) - low[1]) + 1
+    windows = int(fine.window.max(initial=0)) + 1
+    key, row = np.unique(((at[:, 0] - low[0]) * span + at[:, 1] - low[1]) * windows + fine.window, return_inverse=True)
+    count = np.bincount(row, fine.count, len(key))
+    height_m = np.bincount(row, fine.height_m * fine.count, len(key)) / np.maximum(count, 1.0)
+    number = key // windows
+    place = np.column_stack([number // span + low[0], number % span + low[1]])
+    inside = fine.member >= 0
+    member = np.full(len(fine.member), -1, np.int32)
+    member[inside] = row[fine.member[inside]]
+    flat = np.zeros((len(key), 2))
+    none = np.zeros(len(key))
+    groups = CellHeights(
+        number, key % windows, count.astype(np.int64), height_m, none, place, flat, member, side * cell_m
+    )
+    beam = np.column_stack([(place + 0.5) * groups.cell_m, height_m])
+    for axis in range(3):
+        origin = np.bincount(member[inside], returns.origin_m[inside, axis], len(key))
+        beam[:, axis] -= origin / np.maximum(count, 1.0)
+    oblique = beam[:, :2] / np.maximum(-beam[:, 2:], MIN_DROP_M)
+    return _compared(fine, row.astype(np.int64), groups, oblique)
+
+
+def _compared(fine: CellHeights, row: NDArray[np.int64], groups: CellHeights, oblique: FloatArray) -> Relief:
+    """The shifts of the windows of each block, by groups (g,) of fine cells and the rows (g,) that they belong to."""
+    squares = np.bincount(fine.cell, fine.scatter_m2 * fine.count)
+    freedom = np.bincount(fine.cell, fine.count - 1)
+    usual = float(squares.sum()) / max(float(freedom.sum()), 1.0)
+    noise = ((squares + USUAL_RETURNS * usual) / (freedom + USUAL_RETURNS))[fine.cell]
+    weight = 1.0 / (noise / fine.count + CELL_SIGMA_M**2)
+    # Rows are in the order of their blocks.
+    begins = np.flatnonzero(np.diff(groups.cell, prepend=-1))
+    first = np.append(begins, len(groups.cell)).astype(np.int64)
+    block = np.repeat(np.arange(len(begins)), np.diff(first))[row]
+    order = np.lexsort((fine.cell, block))
+    ends = np.searchsorted(block[order], np.arange(len(begins) + 1)).astype(np.int64)
+    normal, right = _shifts(
+        ends,
+        first,
+        fine.cell[order],
+        row[order],
+        weight[order],
+        fine.height_m[order],
+        np.ascontiguousarray(fine.slope[order]),
+        oblique,
+    )
+    return Relief(groups, np.arange(len(groups.cell)), first, normal, right)
+
+
+@kernel()
+def _shifts(ends, first, cell, row, weight, height, slope, oblique):  # type: ignore[no-untyped-def]
+    """Normal matrices and right sides of :class:`Relief`; zero in blocks that show nothing.
+
+    Of each block, unknowns are shifts and levels of its k windows, [easting, northing, level] · k.
+    """
+    blocks = len(first) - 1
+    total_size = 0
+    for b in range(blocks):
+        total_size += (2 * (first[b + 1] - first[b])) ** 2
+    normal = np.zeros(total_size)
+    right = np.zeros(2 * first[blocks])
+    at = 0
+    g = np.empty(3)
+    for b in range(blocks):
+        k = first[b + 1] - first[b]
+        if k > 1:
+            whole = np.zeros((3 * k, 3 * k))
+            wanted = np.zeros(3 * k)
+            cells = 0
+            i = ends[b]
+            while i < ends[b + 1]:
+                j = i
+                total = 0.0
+                mean = 0.0
+                while j < ends[b + 1] and cell[j] == cell[i]:
+                    total += weight[j]
+                    mean += weight[j] * height[j]
+                    j += 1
+                mean /= total
+                cells += 1
+                g[0] = -slope[i, 0]
+                g[1] = -slope[i, 1]
+                g[2] = 1.0
+                for p in range(i, j):
+                    u = row[p] - first[b]
+                    off = weight[p] * (height[p] - mean)
+                    for a in range(3):
+                        wanted[a * k + u] += g[a] * off
+                    for q in range(i, j):
+                        v = row[q] - first[b]
+                        share = -weight[p] * weight[q] / total
+                        if p == q:
+                            share += weight[p]
+                        for a in range(3):
+                            for d in range(3):
+                                whole[a * k + u, d * k + v] += g[a] * g[d] * share
+                i = j
+            freedom = ends[b + 1] - ends[b] - cells - k
+            if freedom >= MIN_FREEDOM:
+                level = _eliminate(whole, wanted, k)
+                spread = TOGETHER * max(1.0, _squares(ends[b], ends[b + 1], first[b], cell, row, weight, height, level) / freedom)
+                _without_course(whole, wanted, oblique, first[b], k)
+                for u in range(k):
+                    for a in range(2):
+                        right[2 * (first[b] + u) + a] = wanted[a * k + u] / spread
+                        for v in range(k):
+                            for d in range(2):
+                                normal[at + (2 * u + a) * 2 * k + 2 * v + d] = whole[a * k + u, d * k + v] / spread
+        at += (2 * k) ** 2
+    return normal, right
+
+
+@kernel()
+def _eliminate(whole, wanted, k):  # type: ignore[no-untyped-def]
+    """Eliminate the levels, which are known against each other alone; those (k,) without shifts."""
+    trace = 0.0
+    for i in range(2 * k, 3 * k):
+        trace += whole[i, i]
+    for i in range(2 * k, 3 * k):
+        whole[i, i] += 1e-9 * trace + 1e-12
+    level = np.zeros(k)
+    # Gauss: each level in turn takes itself out of all other equations.
+    for c in range(2 * k, 3 * k):
+        pivot = whole[c, c]
+        for i in range(3 * k):
+            if i == c or whole[i, c] == 0.0:
+                continue
+            factor = whole[i, c] / pivot
+            wanted[i] -= factor * wanted[c]
+            for j in range(3 * k):
+                whole[i, j] -= factor * whole[c, j]
+    for c in range(k):
+        level[c] = wanted[2 * k + c] / whole[2 * k + c, 2 * k + c]
+    return level
+
+
+@kernel()
+def _squares(begin, end, first, cell, row, weight, height, level):  # type: ignore[no-untyped-def]
+    """Sum of weighted squares of a block's heights less the levels, about the mean of each cell."""
+    out = 0.0
+    i = begin
+    while i < end:
+        j = i
+        total = 0.0
+        mean = 0.0
+        while j < end and cell[j] == cell[i]:
+            total += weight[j]
+            mean += weight[j] * (height[j] - level[row[j] - first])
+            j += 1
+        mean /= total
+        for p in range(i, j):
+            out += weight[p] * (height[p] - level[row[p] - first] - mean) ** 2
+        i = j
+    return out
+
+
+@kernel()
+def _without_course(whole, wanted, oblique, first, k):  # type: ignore[no-untyped-def]
+    """Eliminate shifts in proportion to the obliqueness of the beams."""
+    by = np.zeros(2 * k)
+    known = 0.0
+    asked = 0.0
+    trace = 0.0
+    for i in range(2 * k):
+        trace += whole[i, i]
+        for v in range(k):
+            by[i] += whole[i, v] * oblique[first + v, 0] + whole[i, k + v] * oblique[first + v, 1]
+    for v in range(k):
+        for a in range(2):
+            known += by[a * k + v] * oblique[first + v, a]
+            asked += wanted[a * k + v] * oblique[first + v, a]
+    if known <= 1e-9 * trace:
+        return
+    for i in range(2 * k):
+        wanted[i] -= by[i] * asked / known
+        for j in range(2 * k):
+            whole[i, j] -= by[i] * by[j] / known
+
+
+def relief_equations(
+    of: Relief, design: Callable[[CellHeights], FloatArray], begin: NDArray[np.int64], fixed: int, unknowns: int
+) -> tuple[FloatArray, FloatArray]:
+    """Normal matrix (u, u) and right side (u,) of unknowns that shift the windows.
+
+    Args:
+        of: the compared relief.
+        design: derivatives (rows, fixed + p) of the heights of groups, by their slopes.
+        begin: (rows,) first of the p neighbouring unknowns of each row.
+        fixed: number of unknowns that all share, which come first.
+        unknowns: u, the number of all.
+    """
+    level = design(of.groups)
+    by = np.empty((len(level), 2, level.shape[1]))
+    for axis, along in enumerate(np.eye(2)):
+        by[:, axis] = design(replace(of.groups, slope=np.tile(-along, (len(level), 1)))) - level
+    return _put(of.first, of.normal, of.right, by, begin, fixed, unknowns)
+
+
+@kernel()
+def _put(first, normal, right, by, begin, fixed, unknowns):  # type: ignore[no-untyped-def]
+    """Normal matrix and right side of :func:`relief_equations`, by derivatives (rows, 2, fixed + p) of the shifts."""
+    out = np.zeros((unknowns, unknowns))
+    wanted = np.zeros(unknowns)
+    width = by.shape[2]
+    place = np.full(unknowns, -1, np.int64)
+    used = np.empty(unknowns, np.int64)
+    at = 0
+    for b in range(len(first) - 1):
+        k = first[b + 1] - first[b]
+        count = 0
+        for r in range(first[b], first[b + 1]):
+            for c in range(width):
+                u = c if c < fixed else begin[r] + c - fixed
+                if place[u] < 0:
+                    place[u] = count
+                    used[count] = u
+                    count += 1
+        moved = np.zeros((2 * k, count))
+        for i in range(2 * k):
+            for j in range(2 * k):
+                share = normal[at + i * 2 * k + j]
+                if share != 0.0:
+                    r = first[b] + j // 2
+                    for c in range(width):
+                        u = c if c < fixed else begin[r] + c - fixed
+                        moved[i, place[u]] += share * by[r, j % 2, c]
+        for i in range(2 * k):
+            r = first[b] + i // 2
+            for c in range(width):
+                u = c if c < fixed else begin[r] + c - fixed
+                derivative = by[r, i % 2, c]
+                wanted[u] += derivative * right[2 * first[b] + i]
+                for m in range(count):
+                    out[u, used[m]] += derivative * moved[i, m]
+        for m in range(count):
+            place[used[m]] = -1
+        at += (2 * k) ** 2
+    return out, wanted
