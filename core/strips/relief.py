@@ -11,22 +11,24 @@ of a block against each other, as a normal matrix into which poses and mounting 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.core.strips.cell_heights import CellHeights, cell_heights
+from furrowmap.core.strips.cell_heights import MIN_CELL_PLANE_RETURNS, CellHeights, cell_heights
 from furrowmap.core.strips.strips import STRIP_CELL_M, StripReturns
+from furrowmap.core.values.rotation import Mounting
 
 BLOCK_M: Final = 1.0
 """Side of a block, over which a window's returns are shifted alike."""
 CELL_RETURNS: Final = 3.0
 """Returns that a fine cell has in the mean: of all windows, where it is compared."""
 MIN_CELL_M: Final = 0.05
-MIN_FREEDOM: Final = 20
+MIN_FREEDOM: Final = 10
 """Heights of a block beyond its unknowns: with fewer there is no relief to compare."""
 CELL_SIGMA_M: Final = 0.003
 """Standard deviation of a fine cell's mean beside the noise of its returns."""
@@ -34,6 +36,16 @@ USUAL_RETURNS: Final = 4.0
 """The noise of all cells stands beside that of a cell as that of so many returns: few tell little of their own."""
 TOGETHER: Final = 4.0
 """Fine cells err together, so that as many count as one: residuals alone show 1.2, but plants bend relief."""
+MIN_SHOWN: Final = 0.5
+"""Share of the squares of a block's slopes that is no noise."""
+SHIFT_CELL_M: Final = STRIP_CELL_M / 2.0
+"""Side of the cells by which the shifts of whole strips are found."""
+MOVED_STEP: Final = 16
+"""One of so many returns tells by how much a mounting moves a strip."""
+MAX_OBLIQUE: Final = 1.0
+"""Tangent of the angle of incidence up to which clods hide little of the soil behind them."""
+MAX_SHIFT_M: Final = 1.0
+"""Standard deviation of a strip's shift before."""
 MIN_DROP_M: Final = 1.0
 """Of a beam, for its obliqueness."""
 
@@ -111,11 +123,15 @@ def _compared(fine: CellHeights, row: NDArray[np.int64], groups: CellHeights, ob
     usual = float(squares.sum()) / max(float(freedom.sum()), 1.0)
     noise = ((squares + USUAL_RETURNS * usual) / (freedom + USUAL_RETURNS))[fine.cell]
     weight = 1.0 / (noise / fine.count + CELL_SIGMA_M**2)
+    # Noise of the slopes of planes through nine cells: where it is all that there is, nothing shows a shift.
+    nine = np.maximum(9.0 * np.bincount(fine.cell, fine.count)[fine.cell], MIN_CELL_PLANE_RETURNS)
+    unsure = noise / (nine * 0.75 * fine.cell_m**2)
     # Rows are in the order of their blocks.
     begins = np.flatnonzero(np.diff(groups.cell, prepend=-1))
     first = np.append(begins, len(groups.cell)).astype(np.int64)
     block = np.repeat(np.arange(len(begins)), np.diff(first))[row]
     order = np.lexsort((fine.cell, block))
+    order = order[(np.einsum("ij,ij->i", oblique, oblique) < MAX_OBLIQUE**2)[row[order]]]
     ends = np.searchsorted(block[order], np.arange(len(begins) + 1)).astype(np.int64)
     normal, right = _shifts(
         ends,
@@ -125,13 +141,14 @@ def _compared(fine: CellHeights, row: NDArray[np.int64], groups: CellHeights, ob
         weight[order],
         fine.height_m[order],
         np.ascontiguousarray(fine.slope[order]),
+        unsure[order],
         oblique,
     )
     return Relief(groups, np.arange(len(groups.cell)), first, normal, right)
 
 
 @kernel()
-def _shifts(ends, first, cell, row, weight, height, slope, oblique):  # type: ignore[no-untyped-def]
+def _shifts(ends, first, cell, row, weight, height, slope, unsure, oblique):  # type: ignore[no-untyped-def]
     """Normal matrices and right sides of :class:`Relief`; zero in blocks that show nothing.
 
     Of each block, unknowns are shifts and levels of its k windows, [easting, northing, level] · k.
@@ -150,6 +167,8 @@ def _shifts(ends, first, cell, row, weight, height, slope, oblique):  # type: ig
             whole = np.zeros((3 * k, 3 * k))
             wanted = np.zeros(3 * k)
             cells = 0
+            steep = 0.0
+            noise = 0.0
             i = ends[b]
             while i < ends[b + 1]:
                 j = i
@@ -161,6 +180,8 @@ def _shifts(ends, first, cell, row, weight, height, slope, oblique):  # type: ig
                     j += 1
                 mean /= total
                 cells += 1
+                steep += slope[i, 0] ** 2 + slope[i, 1] ** 2
+                noise += 2.0 * unsure[i]
                 g[0] = -slope[i, 0]
                 g[1] = -slope[i, 1]
                 g[2] = 1.0
@@ -179,16 +200,21 @@ def _shifts(ends, first, cell, row, weight, height, slope, oblique):  # type: ig
                                 whole[a * k + u, d * k + v] += g[a] * g[d] * share
                 i = j
             freedom = ends[b + 1] - ends[b] - cells - k
-            if freedom >= MIN_FREEDOM:
+            # Slopes with errors show too little of a shift (errors in variables), by this share of it.
+            shown = 1.0 - noise / steep if steep > 0.0 else 0.0
+            if freedom >= MIN_FREEDOM and shown >= MIN_SHOWN:
                 level = _eliminate(whole, wanted, k)
-                spread = TOGETHER * max(1.0, _squares(ends[b], ends[b + 1], first[b], cell, row, weight, height, level) / freedom)
+                spread = TOGETHER * max(
+                    1.0, _squares(ends[b], ends[b + 1], first[b], cell, row, weight, height, level) / freedom
+                )
                 _without_course(whole, wanted, oblique, first[b], k)
                 for u in range(k):
                     for a in range(2):
-                        right[2 * (first[b] + u) + a] = wanted[a * k + u] / spread
+                        right[2 * (first[b] + u) + a] = shown * wanted[a * k + u] / spread
                         for v in range(k):
                             for d in range(2):
-                                normal[at + (2 * u + a) * 2 * k + 2 * v + d] = whole[a * k + u, d * k + v] / spread
+                                share = shown**2 * whole[a * k + u, d * k + v] / spread
+                                normal[at + (2 * u + a) * 2 * k + 2 * v + d] = share
         at += (2 * k) ** 2
     return normal, right
 
@@ -258,6 +284,75 @@ def _without_course(whole, wanted, oblique, first, k):  # type: ignore[no-untype
         wanted[i] -= by[i] * asked / known
         for j in range(2 * k):
             whole[i, j] -= by[i] * by[j] / known
+
+
+@dataclass(frozen=True)
+class PlanShifts:
+    """Shifts in plan of s strips against their mean; zero where nothing shows them.
+
+    Attributes:
+        strip: (s,) number of each strip.
+        before_m: (s, 2) easting and northing with the mounting as stated.
+        after_m: (s, 2) with the mounting that was used.
+        sigma_m: (s, 2) standard deviations of `after_m`.
+    """
+
+    strip: NDArray[np.int64]
+    before_m: FloatArray
+    after_m: FloatArray
+    sigma_m: FloatArray
+
+    @property
+    def rms_m(self) -> tuple[float, float]:
+        """Root mean square of a shift before and after."""
+        before, after = (float(np.sqrt(np.mean(np.sum(one**2, axis=1)))) for one in (self.before_m, self.after_m))
+        return before, after
+
+    def plain(self) -> dict[str, Any]:
+        """For `report.json`."""
+        before_m, after_m = self.rms_m
+        axes = (("before", self.before_m), ("after", self.after_m), ("sigma", self.sigma_m))
+        return {
+            "before_rms_m": round(before_m, 4),
+            "after_rms_m": round(after_m, 4),
+            "strips": [
+                {"strip": number, **{f"{name}_m": np.round(values[k], 4).tolist() for name, values in axes}}
+                for k, number in enumerate(self.strip.tolist())
+            ],
+        }
+
+
+def plan_shifts(
+    returns: StripReturns, number: NDArray[np.int64], stated: Mounting, used: Mounting
+) -> PlanShifts | None:
+    """Shifts of strips in plan: by relief with the mounting in use, and those to which the stated one adds.
+
+    Args:
+        number: (n,) number of each return's strip, counted from 1; negative in none.
+
+    Returns:
+        None where no two strips see the same relief.
+    """
+    window = np.where(number > 0, number - 1, -1)
+    strips = int(window.max(initial=-1)) + 1
+    seen = relief(returns, window, used.rotation, np.asarray(used.xyz_m), SHIFT_CELL_M)
+    if not seen.normal.any():
+        return None
+    rows = np.broadcast_to(np.eye(2), (len(seen.row), 2, 2)).copy()
+    normal, right = _put(seen.first, seen.normal, seen.right, rows, 2 * seen.groups.window, 0, 2 * strips)
+    # Only differences are known: the mean is taken off.
+    apart = np.kron(np.eye(strips) - 1.0 / strips, np.eye(2))
+    covariance = apart @ np.linalg.inv(normal + np.eye(2 * strips) / MAX_SHIFT_M**2) @ apart
+    after_m = (covariance @ right).reshape(-1, 2)
+    part = np.flatnonzero(window >= 0)[::MOVED_STEP]
+    turned = stated.rotation - used.rotation
+    lever_m = np.asarray(stated.xyz_m) - np.asarray(used.xyz_m)
+    attitude = Rotation.from_quat(returns.rotation[part].astype(np.float64), scalar_first=True)
+    moved_m = attitude.apply(returns.sensor_m[part] @ turned.T + lever_m)[:, :2]
+    count = np.maximum(np.bincount(window[part], minlength=strips), 1)
+    added_m = np.column_stack([np.bincount(window[part], axis, strips) / count for axis in moved_m.T])
+    sigma_m = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(-1, 2)
+    return PlanShifts(np.arange(strips) + 1, after_m + added_m - added_m.mean(axis=0), after_m, sigma_m)
 
 
 def relief_equations(

@@ -15,6 +15,7 @@ from furrowmap.core.strips.cell_heights import (
     same_cell_pairs,
     smooth_groups,
 )
+from furrowmap.core.strips.relief import PlanShifts, plan_shifts
 from furrowmap.core.strips.strips import STRIP_CELL_M, StripReturns
 from furrowmap.core.surfaces.visits import SwathDifferences, SwathSums
 from furrowmap.core.values.rotation import Mounting
@@ -35,6 +36,7 @@ class StripDifferences:
         before_m: (n,) with the mounting as stated.
         after_m: (n,) with the mounting that was used.
         sigma_m: (n,) standard deviation of `after_m` by the noise of the returns.
+        plan: shifts of the strips in plan; None where no relief shows them.
     """
 
     cell_m: float
@@ -44,6 +46,7 @@ class StripDifferences:
     before_m: FloatArray
     after_m: FloatArray
     sigma_m: FloatArray
+    plan: PlanShifts | None = None
 
     def __len__(self) -> int:
         return len(self.strip_a)
@@ -56,7 +59,8 @@ class StripDifferences:
     def of_pair(self, pair: tuple[int, int]) -> "StripDifferences":
         """The differences of one pair."""
         chosen = (self.strip_a == pair[0]) & (self.strip_b == pair[1])
-        return replace(self, **{name: value[chosen] for name, value in vars(self).items() if name != "cell_m"})
+        rows = {name: value[chosen] for name, value in vars(self).items() if name not in ("cell_m", "plan")}
+        return replace(self, **rows)
 
     def figures(self) -> tuple[SwathDifferences | None, SwathDifferences | None]:
         """Statistics before and after; None without a difference."""
@@ -84,6 +88,7 @@ class StripDifferences:
             "before": before.plain() if before is not None else None,
             "after": after.plain() if after is not None else None,
             "pairs": rows,
+            "plan": self.plan.plain() if self.plan is not None else None,
         }
 
 
@@ -117,7 +122,7 @@ def strip_differences(
     )
     while len(found) > MAX_DIFFERENCES:
         found = _coarsen(found)
-    return found
+    return replace(found, plan=plan_shifts(returns, number, stated, used))
 
 
 def _look_up(before: CellHeights, after: CellHeights, groups: NDArray[np.intp]) -> FloatArray:
