@@ -22,7 +22,6 @@ from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.farm.farm_memory_tables import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.farm_results import PROVENANCE, SESSIONS, TRACKS
 from furrowmap.exporters.files.qgis_project import (
-    DOCTYPE,
     ProjectLayer,
     project_root,
     project_text,
@@ -35,7 +34,7 @@ from furrowmap.exporters.files.qgis_project import (
 )
 from furrowmap.exporters.share.page_points import CLASS_COLOURS
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, FARM_LABELS, FARM_LAYER_NAMES, VALUES
-from furrowmap.exporters.vectors.qgis_styles import StyleClock, finished_style, with_words
+from furrowmap.exporters.vectors.qgis_styles import DOCTYPE, StyleClock, finished_style, with_words
 
 PROJECT: Final = "furrowmap"
 """Its name in the farm map."""

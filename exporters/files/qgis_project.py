@@ -7,7 +7,8 @@ from xml.etree import ElementTree as ET
 
 from pyproj import CRS
 
-DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+from furrowmap.exporters.vectors.qgis_styles import DOCTYPE
+
 _QGIS: Final = "3.34.0"
 """The first version that supports everything written here."""
 _VIEW_MARGIN: Final = 0.05

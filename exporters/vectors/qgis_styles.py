@@ -21,7 +21,6 @@ from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.languages.texts import ENGLISH, Text, texts_of
 from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.exporters.files.qgis_project import DOCTYPE
 from furrowmap.exporters.files.result_folder import packaged_style, style_of
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, VALUES
 
@@ -40,6 +39,8 @@ _LINE: Final = re.compile(r"<br>|(?:\[%.*?%\]|(?!<br>).)+", re.DOTALL)
 _EXPRESSION: Final = re.compile(r"\[%.*?%\]", re.DOTALL)
 _EXTREME: Final = re.compile(r'(?:minimum|maximum)\((?:&quot;|")\w+(?:&quot;|")(?:, (?:&quot;|")tool(?:&quot;|"))?\)')
 """Aggregates of QGIS in a style."""
+DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+"""First line of styles and projects of QGIS."""
 _QUOTED_TEXT: Final = re.compile(r"'([^']*)'")
 _FIELD: Final = re.compile(f'"({"|".join(VALUES)})"')
 _FORMATTED: Final = re.compile(r'format_date\("(start|end|time)",')
