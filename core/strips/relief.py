@@ -51,7 +51,7 @@ MIN_DROP_M: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Relief:
+class SeenRelief:
     """Shifts in plan of windows of time against each other, in blocks of ground.
 
     Attributes:
@@ -79,7 +79,7 @@ def relief_cell_m(heights: CellHeights) -> float:
 
 def relief(
     returns: StripReturns, window: NDArray[np.int64], mounting: FloatArray, lever_m: FloatArray, cell_m: float
-) -> Relief:
+) -> SeenRelief:
     """Compare the relief that windows of time see.
 
     Args:
@@ -116,7 +116,7 @@ def relief(
     return _compared(fine, row.astype(np.int64), groups, oblique)
 
 
-def _compared(fine: CellHeights, row: NDArray[np.int64], groups: CellHeights, oblique: FloatArray) -> Relief:
+def _compared(fine: CellHeights, row: NDArray[np.int64], groups: CellHeights, oblique: FloatArray) -> SeenRelief:
     """The shifts of the windows of each block, by groups (g,) of fine cells and the rows (g,) that they belong to."""
     squares = np.bincount(fine.cell, fine.scatter_m2 * fine.count)
     freedom = np.bincount(fine.cell, fine.count - 1)
@@ -144,12 +144,12 @@ def _compared(fine: CellHeights, row: NDArray[np.int64], groups: CellHeights, ob
         unsure[order],
         oblique,
     )
-    return Relief(groups, np.arange(len(groups.cell)), first, normal, right)
+    return SeenRelief(groups, np.arange(len(groups.cell)), first, normal, right)
 
 
 @kernel()
 def _shifts(ends, first, cell, row, weight, height, slope, unsure, oblique):  # type: ignore[no-untyped-def]
-    """Normal matrices and right sides of :class:`Relief`; zero in blocks that show nothing.
+    """Normal matrices and right sides of :class:`SeenRelief`; zero in blocks that show nothing.
 
     Of each block, unknowns are shifts and levels of its k windows, [easting, northing, level] · k.
     """
@@ -356,7 +356,7 @@ def plan_shifts(
 
 
 def relief_equations(
-    of: Relief, design: Callable[[CellHeights], FloatArray], begin: NDArray[np.int64], fixed: int, unknowns: int
+    of: SeenRelief, design: Callable[[CellHeights], FloatArray], begin: NDArray[np.int64], fixed: int, unknowns: int
 ) -> tuple[FloatArray, FloatArray]:
     """Normal matrix (u, u) and right side (u,) of unknowns that shift the windows.
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.strips.relief import PlanShifts, Relief, plan_shifts, relief, relief_equations
+from furrowmap.core.strips.relief import PlanShifts, SeenRelief, plan_shifts, relief, relief_equations
 from furrowmap.core.strips.strips import StripReturns
 from furrowmap.core.values.rotation import Mounting
 
@@ -144,7 +144,7 @@ def test_equations__are_those_of_dense_matrices() -> None:
     assert np.linalg.eigvalsh(normal)[0] > -1e-6 * np.abs(dense).max()
 
 
-def by_dense(seen: Relief, by: FloatArray, begin: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+def by_dense(seen: SeenRelief, by: FloatArray, begin: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
     """Normal matrix (7, 7) and right side, block after block."""
     normal = np.zeros((7, 7))
     right = np.zeros(7)
