@@ -5,7 +5,6 @@ rejected, because two receivers wrote it or its parts are in the wrong order.
 """
 
 import datetime as dt
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import (
     DAY_S,
     GPS_EPOCH_S,
@@ -21,15 +20,12 @@ from furrowmap.core.values.clock import (
     gps_to_utc_s,
     iso_utc,
     nearest_in_cycle,
-    runs_forward,
     unroll,
     utc_to_gps_s,
 )
 
 MAX_BACKWARD_SHARE: Final = 0.05
 """Largest share of epochs out of order in the log of one receiver."""
-MAX_SPLICES: Final = 4
-"""Largest number of steps back in a log whose parts are in the wrong order; more are those of two receivers."""
 EARLIEST_SINCE_1980_S: Final = 10 * 365.25 * DAY_S
 """Seconds since 1980-01-06 that are below this are not absolute times: GPS was not complete before 1990."""
 _DAYS: Final = ("Sunday", "Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday")
@@ -82,39 +78,19 @@ def midnights_utc_s(year: NDArray[np.integer], month: NDArray[np.integer], day: 
     return np.where(usable, days.astype(np.float64) * DAY_S, np.nan)
 
 
-def in_order(
-    t_s: FloatArray, lon_deg: FloatArray, lat_deg: FloatArray, name: str, place: Callable[[int], str]
-) -> tuple[NDArray[np.bool_], list[Notice]]:
-    """Which epochs (n,) are later than all before, and notices about the others; `place` describes where epoch k is.
+def no_week(tow_s: FloatArray, name: str) -> InputError:
+    """The error of a log with only the time of the week."""
+    return InputError("no-date", name=name, first_tow=week_time(tow_s[0]), last_tow=week_time(tow_s[-1]))
 
-    An epoch that repeats time and position of the one before was written twice and is not out of order. InputError if
-    more than a twentieth of the epochs are out of order.
-    """
-    forward = runs_forward(t_s)
-    repeated = np.zeros(len(t_s), bool)
-    repeated[1:] = (np.diff(t_s) == 0) & (np.diff(lon_deg) == 0) & (np.diff(lat_deg) == 0)
-    backward = ~forward & ~repeated
-    if backward.sum() > MAX_BACKWARD_SHARE * len(t_s):
-        first = place(int(np.flatnonzero(backward)[0]))
-        steps_back = int(np.sum(np.diff(t_s) <= 0))
-        if steps_back > max(MAX_SPLICES, 0.01 * len(t_s)):
-            raise InputError("receivers-interleaved", first=first, steps_back=steps_back, positions=len(t_s))
-        raise InputError("time-disorder.disorder", first=first, backward=int(backward.sum()), positions=len(t_s))
-    notices = []
-    if backward.any():
-        widest_s = float(-np.diff(t_s).min(initial=0.0))
-        notices.append(
-            Notice(
-                "time-runs-back.repeated-positions",
-                name=name,
-                backward=int(backward.sum()),
-                positions=len(t_s),
-                widest_s=widest_s,
-            )
-        )
-    if repeated.any():
-        notices.append(Notice("positions-repeated", name=name, repeated=int(repeated.sum())))
-    return forward, notices
+
+def day_of_week(tow_s: float) -> str:
+    """Name of the day of a time of the GPS week."""
+    return _DAYS[int(tow_s // DAY_S) % 7]
+
+
+def week_time(tow_s: float) -> str:
+    """Day and time of day of a time of the GPS week, such as ``Tuesday 18:58:59.950``."""
+    return f"{day_of_week(tow_s)} {iso_utc(float(tow_s) % DAY_S)[11:23]}"
 
 
 def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray | None:
@@ -139,18 +115,3 @@ def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray
         near_s = utc_to_gps_s(options.near_s)
         return unroll(tow_s, WEEK_S) + float(nearest_in_cycle(tow_s[0], near_s, WEEK_S) - tow_s[0])
     return None
-
-
-def no_week(tow_s: FloatArray, name: str) -> InputError:
-    """The error of a log with only the time of the week."""
-    return InputError("no-date", name=name, first_tow=week_time(tow_s[0]), last_tow=week_time(tow_s[-1]))
-
-
-def day_of_week(tow_s: float) -> str:
-    """Name of the day of a time of the GPS week."""
-    return _DAYS[int(tow_s // DAY_S) % 7]
-
-
-def week_time(tow_s: float) -> str:
-    """Day and time of day of a time of the GPS week, such as ``Tuesday 18:58:59.950``."""
-    return f"{day_of_week(tow_s)} {iso_utc(float(tow_s) % DAY_S)[11:23]}"

@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import Geod
 
-from furrowmap.core.geodesy.longitudes import middle_deg, west_east_deg
+from furrowmap.core.geodesy.longitudes import middle_deg
 from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import gps_minus_utc_s, iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.pose_track import PoseTrack
 
 JUMP_M: Final = 2.0
 CARRIER_JUMP_M: Final = 1.0
@@ -75,27 +74,6 @@ def position_facts(track: GnssTrack) -> dict[str, Any]:
     }
     facts["stated_for_epochs"] = {name: int(np.isfinite(values).sum()) for name, values in stated.items()}
     return facts
-
-
-def pose_facts(track: PoseTrack) -> dict[str, Any]:
-    """Number, location and attitude of poses, as [minimum, maximum]; longitudes as [west, east]."""
-    names = ("e_m", "n_m", "h_m") if track.projected else ("lon_deg", "lat_deg", "h_m")
-    columns = dict(zip(names, track.position.T, strict=True))
-    columns |= {"roll_deg": track.roll_deg, "pitch_deg": track.pitch_deg}
-    digits = {"lon_deg": 7, "lat_deg": 7}
-    ranges = {
-        name: [round(float(values.min()), digits.get(name, 3)), round(float(values.max()), digits.get(name, 3))]
-        for name, values in columns.items()
-    }
-    if not track.projected:
-        ranges["lon_deg"] = [round(end, digits["lon_deg"]) for end in west_east_deg(track.position[:, 0])]
-    return {
-        "poses": len(track),
-        "coordinates": "map frame" if track.projected else "geographic",
-        "north": "true" if track.true_north else "grid",
-        **ranges,
-        "sigmas_stated": bool(np.isfinite(track.sigma).any()),
-    }
 
 
 def steps_m(track: GnssTrack) -> NDArray[np.float64]:

@@ -9,18 +9,21 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import in_order, week_time
+from furrowmap.core.readers.epochs import MAX_BACKWARD_SHARE, week_time
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.framed_messages import Framing, Kind, MessageCounts, Messages, find_frames, read_messages
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions, recording_name
 from furrowmap.core.readers.source import Head, Piece, Source, cut_notice
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.languages.texts import Text, Words
-from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock import iso_utc, runs_forward
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.scan import Clock, ClockReading
 
+MAX_SPLICES: Final = 4
+"""Largest number of steps back in a log whose parts are in the wrong order; more are those of two receivers."""
 MIN_STEPS: Final = 10
 MIN_REGULAR_SHARE: Final = 0.8
 """Least share of steps of the usual length in a log of a regular rate."""
@@ -331,3 +334,38 @@ def dated_positions(
 def no_valid_positions(name: str, count: int, frames: Words) -> InputError:
     """The error of a log whose position messages are all without a valid position."""
     return InputError("no-positions.none-valid", name=name, count=count, frames=frames)
+
+
+def in_order(
+    t_s: FloatArray, lon_deg: FloatArray, lat_deg: FloatArray, name: str, place: Callable[[int], str]
+) -> tuple[NDArray[np.bool_], list[Notice]]:
+    """Which epochs (n,) are later than all before, and notices about the others; `place` describes where epoch k is.
+
+    An epoch that repeats time and position of the one before was written twice and is not out of order. InputError if
+    more than a twentieth of the epochs are out of order.
+    """
+    forward = runs_forward(t_s)
+    repeated = np.zeros(len(t_s), bool)
+    repeated[1:] = (np.diff(t_s) == 0) & (np.diff(lon_deg) == 0) & (np.diff(lat_deg) == 0)
+    backward = ~forward & ~repeated
+    if backward.sum() > MAX_BACKWARD_SHARE * len(t_s):
+        first = place(int(np.flatnonzero(backward)[0]))
+        steps_back = int(np.sum(np.diff(t_s) <= 0))
+        if steps_back > max(MAX_SPLICES, 0.01 * len(t_s)):
+            raise InputError("receivers-interleaved", first=first, steps_back=steps_back, positions=len(t_s))
+        raise InputError("time-disorder.disorder", first=first, backward=int(backward.sum()), positions=len(t_s))
+    notices = []
+    if backward.any():
+        widest_s = float(-np.diff(t_s).min(initial=0.0))
+        notices.append(
+            Notice(
+                "time-runs-back.repeated-positions",
+                name=name,
+                backward=int(backward.sum()),
+                positions=len(t_s),
+                widest_s=widest_s,
+            )
+        )
+    if repeated.any():
+        notices.append(Notice("positions-repeated", name=name, repeated=int(repeated.sum())))
+    return forward, notices

@@ -23,31 +23,28 @@ from furrowmap.core.strips.cell_heights import MIN_CELL_PLANE_RETURNS, CellHeigh
 from furrowmap.core.strips.strips import STRIP_CELL_M, StripReturns
 from furrowmap.core.values.rotation import Mounting
 
-BLOCK_M: Final = 1.0
+RELIEF_BLOCK_M: Final = 1.0
 """Side of a block, over which a window's returns are shifted alike."""
-CELL_RETURNS: Final = 3.0
+RELIEF_CELL_RETURNS: Final = 3.0
 """Returns that a fine cell has in the mean: of all windows, where it is compared."""
-MIN_CELL_M: Final = 0.05
-MIN_FREEDOM: Final = 10
+RELIEF_MIN_CELL_M: Final = 0.05
+RELIEF_MIN_FREEDOM: Final = 10
 """Heights of a block beyond its unknowns: with fewer there is no relief to compare."""
-CELL_SIGMA_M: Final = 0.003
+RELIEF_CELL_SIGMA_M: Final = 0.003
 """Standard deviation of a fine cell's mean beside the noise of its returns."""
-USUAL_RETURNS: Final = 4.0
+RELIEF_USUAL_RETURNS: Final = 4.0
 """The noise of all cells stands beside that of a cell as that of so many returns: few tell little of their own."""
-TOGETHER: Final = 4.0
+RELIEF_TOGETHER: Final = 4.0
 """Fine cells err together, so that as many count as one: residuals alone show 1.2, but plants bend relief."""
-MIN_SHOWN: Final = 0.5
+RELIEF_MIN_SHOWN: Final = 0.5
 """Share of the squares of a block's slopes that is no noise."""
-SHIFT_CELL_M: Final = STRIP_CELL_M / 2.0
-"""Side of the cells by which the shifts of whole strips are found."""
-MOVED_STEP: Final = 16
+RELIEF_SHIFT_CELL_M: Final = STRIP_CELL_M / 2.0
+RELIEF_MOVED_STEP: Final = 16
 """One of so many returns tells by how much a mounting moves a strip."""
-MAX_OBLIQUE: Final = 1.0
+RELIEF_MAX_OBLIQUE: Final = 1.0
 """Tangent of the angle of incidence up to which clods hide little of the soil behind them."""
-MAX_SHIFT_M: Final = 1.0
-"""Standard deviation of a strip's shift before."""
-MIN_DROP_M: Final = 1.0
-"""Of a beam, for its obliqueness."""
+RELIEF_MAX_SHIFT_M: Final = 1.0
+RELIEF_MIN_DROP_M: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,9 @@ def relief_cell_m(heights: CellHeights) -> float:
     """Side of the fine cells by the density of the returns, a whole share of STRIP_CELL_M."""
     cells = max(len(np.unique(heights.cell)), 1)
     density = max(float(heights.count.sum()) / cells / heights.cell_m**2, 1e-6)
-    return STRIP_CELL_M / max(1, int(STRIP_CELL_M / max(float(np.sqrt(CELL_RETURNS / density)), MIN_CELL_M)))
+    return STRIP_CELL_M / max(
+        1, int(STRIP_CELL_M / max(float(np.sqrt(RELIEF_CELL_RETURNS / density)), RELIEF_MIN_CELL_M))
+    )
 
 
 def relief(
@@ -90,7 +89,7 @@ def relief(
         cell_m: side of the fine cells.
     """
     fine = cell_heights(returns, window, mounting, lever_m, cell_m)
-    side = round(BLOCK_M / cell_m)
+    side = round(RELIEF_BLOCK_M / cell_m)
     at = fine.place // side
     low = at.min(axis=0, initial=0)
     span = int(at[:, 1].max(initial=0) - low[1]) + 1
@@ -112,7 +111,7 @@ def relief(
     for axis in range(3):
         origin = np.bincount(member[inside], returns.origin_m[inside, axis], len(key))
         beam[:, axis] -= origin / np.maximum(count, 1.0)
-    oblique = beam[:, :2] / np.maximum(-beam[:, 2:], MIN_DROP_M)
+    oblique = beam[:, :2] / np.maximum(-beam[:, 2:], RELIEF_MIN_DROP_M)
     return _compared(fine, row.astype(np.int64), groups, oblique)
 
 
@@ -121,8 +120,8 @@ def _compared(fine: CellHeights, row: NDArray[np.int64], groups: CellHeights, ob
     squares = np.bincount(fine.cell, fine.scatter_m2 * fine.count)
     freedom = np.bincount(fine.cell, fine.count - 1)
     usual = float(squares.sum()) / max(float(freedom.sum()), 1.0)
-    noise = ((squares + USUAL_RETURNS * usual) / (freedom + USUAL_RETURNS))[fine.cell]
-    weight = 1.0 / (noise / fine.count + CELL_SIGMA_M**2)
+    noise = ((squares + RELIEF_USUAL_RETURNS * usual) / (freedom + RELIEF_USUAL_RETURNS))[fine.cell]
+    weight = 1.0 / (noise / fine.count + RELIEF_CELL_SIGMA_M**2)
     # Noise of the slopes of planes through nine cells: where it is all that there is, nothing shows a shift.
     nine = np.maximum(9.0 * np.bincount(fine.cell, fine.count)[fine.cell], MIN_CELL_PLANE_RETURNS)
     unsure = noise / (nine * 0.75 * fine.cell_m**2)
@@ -131,7 +130,7 @@ def _compared(fine: CellHeights, row: NDArray[np.int64], groups: CellHeights, ob
     first = np.append(begins, len(groups.cell)).astype(np.int64)
     block = np.repeat(np.arange(len(begins)), np.diff(first))[row]
     order = np.lexsort((fine.cell, block))
-    order = order[(np.einsum("ij,ij->i", oblique, oblique) < MAX_OBLIQUE**2)[row[order]]]
+    order = order[(np.einsum("ij,ij->i", oblique, oblique) < RELIEF_MAX_OBLIQUE**2)[row[order]]]
     ends = np.searchsorted(block[order], np.arange(len(begins) + 1)).astype(np.int64)
     normal, right = _shifts(
         ends,
@@ -149,10 +148,7 @@ def _compared(fine: CellHeights, row: NDArray[np.int64], groups: CellHeights, ob
 
 @kernel()
 def _shifts(ends, first, cell, row, weight, height, slope, unsure, oblique):  # type: ignore[no-untyped-def]
-    """Normal matrices and right sides of :class:`SeenRelief`; zero in blocks that show nothing.
-
-    Of each block, unknowns are shifts and levels of its k windows, [easting, northing, level] · k.
-    """
+    """Normal matrices and right sides of :class:`SeenRelief`, by [easting, northing, level] · k of each block."""
     blocks = len(first) - 1
     total_size = 0
     for b in range(blocks):
@@ -160,7 +156,7 @@ def _shifts(ends, first, cell, row, weight, height, slope, unsure, oblique):  # 
     normal = np.zeros(total_size)
     right = np.zeros(2 * first[blocks])
     at = 0
-    g = np.empty(3)
+    g = np.ones(3)
     for b in range(blocks):
         k = first[b + 1] - first[b]
         if k > 1:
@@ -169,6 +165,7 @@ def _shifts(ends, first, cell, row, weight, height, slope, unsure, oblique):  # 
             cells = 0
             steep = 0.0
             noise = 0.0
+            squares = 0.0
             i = ends[b]
             while i < ends[b + 1]:
                 j = i
@@ -182,12 +179,11 @@ def _shifts(ends, first, cell, row, weight, height, slope, unsure, oblique):  # 
                 cells += 1
                 steep += slope[i, 0] ** 2 + slope[i, 1] ** 2
                 noise += 2.0 * unsure[i]
-                g[0] = -slope[i, 0]
-                g[1] = -slope[i, 1]
-                g[2] = 1.0
+                g[:2] = -slope[i]
                 for p in range(i, j):
                     u = row[p] - first[b]
                     off = weight[p] * (height[p] - mean)
+                    squares += off * (height[p] - mean)
                     for a in range(3):
                         wanted[a * k + u] += g[a] * off
                     for q in range(i, j):
@@ -202,11 +198,9 @@ def _shifts(ends, first, cell, row, weight, height, slope, unsure, oblique):  # 
             freedom = ends[b + 1] - ends[b] - cells - k
             # Slopes with errors show too little of a shift (errors in variables), by this share of it.
             shown = 1.0 - noise / steep if steep > 0.0 else 0.0
-            if freedom >= MIN_FREEDOM and shown >= MIN_SHOWN:
-                level = _eliminate(whole, wanted, k)
-                spread = TOGETHER * max(
-                    1.0, _squares(ends[b], ends[b + 1], first[b], cell, row, weight, height, level) / freedom
-                )
+            if freedom >= RELIEF_MIN_FREEDOM and shown >= RELIEF_MIN_SHOWN:
+                squares -= _eliminate(whole, wanted, k)
+                spread = RELIEF_TOGETHER * max(1.0, squares / freedom)
                 _without_course(whole, wanted, oblique, first[b], k)
                 for u in range(k):
                     for a in range(2):
@@ -221,16 +215,17 @@ def _shifts(ends, first, cell, row, weight, height, slope, unsure, oblique):  # 
 
 @kernel()
 def _eliminate(whole, wanted, k):  # type: ignore[no-untyped-def]
-    """Eliminate the levels, which are known against each other alone; those (k,) without shifts."""
+    """Eliminate the levels, which are known against each other alone; the squares that they explain."""
     trace = 0.0
     for i in range(2 * k, 3 * k):
         trace += whole[i, i]
     for i in range(2 * k, 3 * k):
         whole[i, i] += 1e-9 * trace + 1e-12
-    level = np.zeros(k)
+    explained = 0.0
     # Gauss: each level in turn takes itself out of all other equations.
     for c in range(2 * k, 3 * k):
         pivot = whole[c, c]
+        explained += wanted[c] ** 2 / pivot
         for i in range(3 * k):
             if i == c or whole[i, c] == 0.0:
                 continue
@@ -238,29 +233,7 @@ def _eliminate(whole, wanted, k):  # type: ignore[no-untyped-def]
             wanted[i] -= factor * wanted[c]
             for j in range(3 * k):
                 whole[i, j] -= factor * whole[c, j]
-    for c in range(k):
-        level[c] = wanted[2 * k + c] / whole[2 * k + c, 2 * k + c]
-    return level
-
-
-@kernel()
-def _squares(begin, end, first, cell, row, weight, height, level):  # type: ignore[no-untyped-def]
-    """Sum of weighted squares of a block's heights less the levels, about the mean of each cell."""
-    out = 0.0
-    i = begin
-    while i < end:
-        j = i
-        total = 0.0
-        mean = 0.0
-        while j < end and cell[j] == cell[i]:
-            total += weight[j]
-            mean += weight[j] * (height[j] - level[row[j] - first])
-            j += 1
-        mean /= total
-        for p in range(i, j):
-            out += weight[p] * (height[p] - level[row[p] - first] - mean) ** 2
-        i = j
-    return out
+    return explained
 
 
 @kernel()
@@ -335,16 +308,16 @@ def plan_shifts(
     """
     window = np.where(number > 0, number - 1, -1)
     strips = int(window.max(initial=-1)) + 1
-    seen = relief(returns, window, used.rotation, np.asarray(used.xyz_m), SHIFT_CELL_M)
+    seen = relief(returns, window, used.rotation, np.asarray(used.xyz_m), RELIEF_SHIFT_CELL_M)
     if not seen.normal.any():
         return None
     rows = np.broadcast_to(np.eye(2), (len(seen.row), 2, 2)).copy()
     normal, right = _put(seen.first, seen.normal, seen.right, rows, 2 * seen.groups.window, 0, 2 * strips)
     # Only differences are known: the mean is taken off.
     apart = np.kron(np.eye(strips) - 1.0 / strips, np.eye(2))
-    covariance = apart @ np.linalg.inv(normal + np.eye(2 * strips) / MAX_SHIFT_M**2) @ apart
+    covariance = apart @ np.linalg.inv(normal + np.eye(2 * strips) / RELIEF_MAX_SHIFT_M**2) @ apart
     after_m = (covariance @ right).reshape(-1, 2)
-    part = np.flatnonzero(window >= 0)[::MOVED_STEP]
+    part = np.flatnonzero(window >= 0)[::RELIEF_MOVED_STEP]
     turned = stated.rotation - used.rotation
     lever_m = np.asarray(stated.xyz_m) - np.asarray(used.xyz_m)
     attitude = Rotation.from_quat(returns.rotation[part].astype(np.float64), scalar_first=True)

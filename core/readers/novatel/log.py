@@ -19,9 +19,8 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.facts import pose_facts
 from furrowmap.core.readers.framed_messages import MessageCounts, Messages, at_equal, count_foreign, layout, scan_stream
-from furrowmap.core.readers.poses.pose_file import RawPoses
+from furrowmap.core.readers.poses.pose_file import RawPoses, pose_facts
 from furrowmap.core.readers.position_log import (
     MIN_INTACT_SHARE,
     LoggedPositions,

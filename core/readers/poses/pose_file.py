@@ -7,8 +7,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from furrowmap.core.geodesy.longitudes import west_east_deg
 from furrowmap.core.readers.epochs import utc_of
-from furrowmap.core.readers.facts import pose_facts, timing_facts, utc_facts
+from furrowmap.core.readers.facts import timing_facts, utc_facts
 from furrowmap.core.readers.implausible_positions import far_from_middle, is_implausible, strays
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.runtime.arrays import FloatArray
@@ -143,3 +144,24 @@ def joined(parts: list[RawPoses]) -> RawPoses:
         first.true_north,
         f"{first.name} and {len(parts) - 1} more",
     )
+
+
+def pose_facts(track: PoseTrack) -> dict[str, Any]:
+    """Number, location and attitude of poses, as [minimum, maximum]; longitudes as [west, east]."""
+    names = ("e_m", "n_m", "h_m") if track.projected else ("lon_deg", "lat_deg", "h_m")
+    columns = dict(zip(names, track.position.T, strict=True))
+    columns |= {"roll_deg": track.roll_deg, "pitch_deg": track.pitch_deg}
+    digits = {"lon_deg": 7, "lat_deg": 7}
+    ranges = {
+        name: [round(float(values.min()), digits.get(name, 3)), round(float(values.max()), digits.get(name, 3))]
+        for name, values in columns.items()
+    }
+    if not track.projected:
+        ranges["lon_deg"] = [round(end, digits["lon_deg"]) for end in west_east_deg(track.position[:, 0])]
+    return {
+        "poses": len(track),
+        "coordinates": "map frame" if track.projected else "geographic",
+        "north": "true" if track.true_north else "grid",
+        **ranges,
+        "sigmas_stated": bool(np.isfinite(track.sigma).any()),
+    }

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import day_of_week, in_order, midnights_utc_s, week_time, week_times
+from furrowmap.core.readers.epochs import day_of_week, midnights_utc_s, week_time, week_times
+from furrowmap.core.readers.position_log import in_order
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError
 

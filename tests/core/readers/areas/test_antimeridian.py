@@ -11,8 +11,9 @@ from pyproj import CRS, Geod
 
 from furrowmap.core.readers.areas.area import polygons_on_map, read_area
 from furrowmap.core.readers.boundary_file import read_fields
-from furrowmap.core.readers.facts import pose_facts, position_facts
+from furrowmap.core.readers.facts import position_facts
 from furrowmap.core.readers.nmea.log import NmeaLog
+from furrowmap.core.readers.poses.pose_file import pose_facts
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.pose_track import PoseTrack
