@@ -2,6 +2,7 @@
 
 import math
 import os
+import signal
 import time
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -287,7 +288,7 @@ class LiveSession:
         implement = self._session.implement
         assert implement is not None
         assert self._near is not None
-        self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), _give_way)
+        self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), give_way)
         hint = Hint(implement.xy_m, implement.width_m, implement.region_m, implement.lift_m)
         for first in range(0, len(self._near.scans), SENT_SCANS):
             self._pool.submit(_keep, self._near.scans[first : first + SENT_SCANS])
@@ -424,7 +425,8 @@ def _learn_kept(hint: Hint) -> Learned:
     return learn_implement(scans, hint)
 
 
-def _give_way() -> None:
-    """The process that learns leaves the processor to the live one."""
+def give_way() -> None:
+    """A process beside lets all others go first, and leaves Ctrl-C to the one that started it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(GIVES_WAY)

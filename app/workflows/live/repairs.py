@@ -1,7 +1,6 @@
 """Ground that was recorded but not shown is worked out from the recording, with what time is left, newest first."""
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ import numpy as np
 
 from furrowmap.core.coverage.worked_cells import Swept, Tile
 from furrowmap.core.implement.seen_implement import SeenImplement
-from furrowmap.core.live.live_session import GIVES_WAY, LINE_STEP_S, LiveSession
+from furrowmap.core.live.live_session import LINE_STEP_S, LiveSession, give_way
 from furrowmap.core.live.poses import TRUE_LEVEL_SIGMA, LivePoses
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.runtime.errors import FurrowmapError
@@ -106,7 +105,7 @@ class Repairs:
             if waiting:
                 last = waiting[-1]
                 self._piece = Lost(max(last.begin_s, last.end_s - PIECE_S), last.end_s)
-                self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), _give_way)
+                self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), give_way)
                 self._future = self._pool.submit(
                     work_again, self._file, learned, self._piece.begin_s, self._piece.end_s, self.utc_minus_host_s
                 )
@@ -213,9 +212,3 @@ def _with_positions(
         given = come
         if scan.t_s[0] - behind_s > until_s:
             return
-
-
-def _give_way() -> None:
-    """The process that looks again lets all others go first."""
-    if hasattr(os, "nice"):
-        os.nice(GIVES_WAY)
