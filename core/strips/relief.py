@@ -344,7 +344,8 @@ def relief_equations(
     by = np.empty((len(level), 2, level.shape[1]))
     for axis, along in enumerate(np.eye(2)):
         by[:, axis] = design(replace(of.groups, slope=np.tile(-along, (len(level), 1)))) - level
-    return _put(of.first, of.normal, of.right, by, begin, fixed, unknowns)
+    out: tuple[FloatArray, FloatArray] = _put(of.first, of.normal, of.right, by, begin, fixed, unknowns)
+    return out
 
 
 @kernel()

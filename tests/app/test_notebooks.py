@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import nbclient
@@ -28,3 +29,9 @@ def test_notebook__runs_from_a_clean_kernel(path: Path, tmp_path: Path, monkeypa
     outputs = [output for cell in code for output in cell.outputs]
     assert [output["text"] for output in outputs if output["output_type"] == "stream"] == []
     assert sum("image/png" in output.get("data", {}) for output in outputs) == FIGURES[path.stem]
+    if path.stem == "nakagawa-et-al":
+        shown = [output["data"]["text/plain"] for output in outputs if "text/plain" in output.get("data", {})]
+        table = next(text for text in shown if "Nakagawa et al." in text)
+        ours, theirs = (list(map(float, re.findall(r"0\.\d+", line))) for line in table.splitlines()[1:3])
+        assert theirs == [0.0072, 0.0135]
+        assert all(0.009 < residual_m < 0.014 for residual_m in ours)
