@@ -69,11 +69,9 @@ class SeenRelief:
 
 def relief_cell_m(heights: CellHeights) -> float:
     """Side of the fine cells by the density of the returns, a whole share of STRIP_CELL_M."""
-    cells = max(len(np.unique(heights.cell)), 1)
-    density = max(float(heights.count.sum()) / cells / heights.cell_m**2, 1e-6)
-    return STRIP_CELL_M / max(
-        1, int(STRIP_CELL_M / max(float(np.sqrt(RELIEF_CELL_RETURNS / density)), RELIEF_MIN_CELL_M))
-    )
+    area_m2 = max(len(np.unique(heights.cell)), 1) * heights.cell_m**2
+    wanted_m = np.sqrt(RELIEF_CELL_RETURNS * area_m2 / max(float(heights.count.sum()), 1e-6))
+    return STRIP_CELL_M / max(1, int(STRIP_CELL_M / max(float(wanted_m), RELIEF_MIN_CELL_M)))
 
 
 def relief(
