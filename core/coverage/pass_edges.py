@@ -12,7 +12,7 @@ AHEAD_M: Final = 0.6
 """Ground so far ahead of the line or behind it shows an edge."""
 OWN_M: Final = 5.0
 """What the tool worked on less way than this ago is of this pass."""
-STEP_M: Final = 30.0
+LONGEST_STEP_M: Final = 30.0
 """Longest way between two places of the line."""
 NEIGHBOUR_WIDTHS: Final = 3.0
 """An edge so many widths away is of no neighbour."""
@@ -36,7 +36,7 @@ def edge_gaps_m(swept: Swept, line_m: FloatArray, way_m: float) -> tuple[float, 
     left = across / width_m
     ahead = np.array([left[1], -left[0]])
     middle = line_m.mean(axis=0)
-    reach_m = (NEIGHBOUR_WIDTHS + 1.0) * width_m + STEP_M
+    reach_m = (NEIGHBOUR_WIDTHS + 1.0) * width_m + LONGEST_STEP_M
     swept = swept[(np.abs(swept.corners_m[:, 0] - middle) < reach_m).all(axis=1)]
     from_m = swept.corners_m - middle
     along_m = from_m @ ahead
