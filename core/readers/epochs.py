@@ -5,7 +5,7 @@ rejected, because two receivers wrote it or its parts are in the wrong order.
 """
 
 import datetime as dt
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from furrowmap.core.values.clock import (
     DAY_S,
     GPS_EPOCH_S,
     WEEK_S,
+    gps_minus_utc_s,
     gps_to_utc_s,
     iso_utc,
     nearest_in_cycle,
@@ -24,6 +25,8 @@ from furrowmap.core.values.clock import (
     utc_to_gps_s,
 )
 
+GAP_INTERVALS: Final = 1.5
+"""A step of so many usual ones is a gap."""
 MAX_BACKWARD_SHARE: Final = 0.05
 """Largest share of epochs out of order in the log of one receiver."""
 EARLIEST_SINCE_1980_S: Final = 10 * 365.25 * DAY_S
@@ -115,3 +118,32 @@ def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray
         near_s = utc_to_gps_s(options.near_s)
         return unroll(tow_s, WEEK_S) + float(nearest_in_cycle(tow_s[0], near_s, WEEK_S) - tow_s[0])
     return None
+
+
+def timing_facts(t_s: NDArray[np.float64]) -> dict[str, Any]:
+    """Span, rate and gaps of increasing times (n,); a gap is longer than 1.5 times the median interval."""
+    if len(t_s) < 2:
+        return {}
+    step = np.diff(t_s)
+    interval = float(np.median(step))
+    gaps = step[step > GAP_INTERVALS * interval]
+    return {
+        "span_s": round(float(t_s[-1] - t_s[0]), 3),
+        "rate_hz": round(1.0 / interval, 2),
+        "gaps": {
+            "longer_than_s": round(GAP_INTERVALS * interval, 3),
+            "count": len(gaps),
+            "longest_s": round(float(gaps.max()), 3) if len(gaps) else 0.0,
+        },
+    }
+
+
+def utc_facts(t_s: NDArray[np.float64]) -> dict[str, Any]:
+    """First and last of the UTC times (n,), and the leap seconds then."""
+    if not len(t_s):
+        return {}
+    return {
+        "first": iso_utc(float(t_s[0])),
+        "last": iso_utc(float(t_s[-1])),
+        "gps_minus_utc_s": int(gps_minus_utc_s(t_s[0])),
+    }

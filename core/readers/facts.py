@@ -8,43 +8,14 @@ from numpy.typing import NDArray
 from pyproj import Geod
 
 from furrowmap.core.geodesy.longitudes import middle_deg
+from furrowmap.core.readers.epochs import GAP_INTERVALS
 from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.values.clock import gps_minus_utc_s, iso_utc
+from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 JUMP_M: Final = 2.0
 CARRIER_JUMP_M: Final = 1.0
-GAP_INTERVALS: Final = 1.5
-
-
-def timing_facts(t_s: NDArray[np.float64]) -> dict[str, Any]:
-    """Span, rate and gaps of increasing times (n,); a gap is longer than 1.5 times the median interval."""
-    if len(t_s) < 2:
-        return {}
-    step = np.diff(t_s)
-    interval = float(np.median(step))
-    gaps = step[step > GAP_INTERVALS * interval]
-    return {
-        "span_s": round(float(t_s[-1] - t_s[0]), 3),
-        "rate_hz": round(1.0 / interval, 2),
-        "gaps": {
-            "longer_than_s": round(GAP_INTERVALS * interval, 3),
-            "count": len(gaps),
-            "longest_s": round(float(gaps.max()), 3) if len(gaps) else 0.0,
-        },
-    }
-
-
-def utc_facts(t_s: NDArray[np.float64]) -> dict[str, Any]:
-    """First and last of the UTC times (n,), and the leap seconds then."""
-    if not len(t_s):
-        return {}
-    return {
-        "first": iso_utc(float(t_s[0])),
-        "last": iso_utc(float(t_s[-1])),
-        "gps_minus_utc_s": int(gps_minus_utc_s(t_s[0])),
-    }
 
 
 def position_facts(track: GnssTrack) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.facts import timing_facts, utc_facts
+from furrowmap.core.readers.epochs import timing_facts, utc_facts
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.languages.texts import Text

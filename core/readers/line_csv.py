@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_file import TIME_COLUMN, TIMES, Column, CsvFile, head_columns
-from furrowmap.core.readers.epochs import utc_of
-from furrowmap.core.readers.facts import utc_facts
+from furrowmap.core.readers.epochs import utc_facts, utc_of
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import MAX_BACKWARD_SHARE, week_time
-from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
+from furrowmap.core.readers.epochs import MAX_BACKWARD_SHARE, timing_facts, utc_facts, week_time
+from furrowmap.core.readers.facts import jump_notices, position_facts
 from furrowmap.core.readers.framed_messages import Framing, Kind, MessageCounts, Messages, find_frames, read_messages
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions, recording_name

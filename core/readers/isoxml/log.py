@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.longitudes import unwrapped_deg
-from furrowmap.core.readers.facts import position_facts, timing_facts, utc_facts
+from furrowmap.core.readers.epochs import timing_facts, utc_facts
+from furrowmap.core.readers.facts import position_facts
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.isoxml.content import (
     MAIN,

@@ -8,8 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.geodesy.longitudes import west_east_deg
-from furrowmap.core.readers.epochs import utc_of
-from furrowmap.core.readers.facts import timing_facts, utc_facts
+from furrowmap.core.readers.epochs import timing_facts, utc_facts, utc_of
 from furrowmap.core.readers.implausible_positions import far_from_middle, is_implausible, strays
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.runtime.arrays import FloatArray

@@ -13,7 +13,8 @@ from typing import Any, ClassVar, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts
+from furrowmap.core.readers.epochs import timing_facts
+from furrowmap.core.readers.facts import jump_notices, position_facts
 from furrowmap.core.readers.hesai.captures import HESAI
 from furrowmap.core.readers.image_pixels import MAX_PIXELS, layout_fault
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions

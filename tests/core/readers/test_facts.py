@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.readers.epochs import utc_of
-from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
+from furrowmap.core.readers.epochs import timing_facts, utc_facts, utc_of
+from furrowmap.core.readers.facts import jump_notices, position_facts
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
