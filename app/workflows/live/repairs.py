@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -93,7 +93,11 @@ class Repairs:
         self._newest_s = now_s
         changed: frozenset[Tile] = frozenset()
         if self._future is not None and self._future.done() and self._piece is not None:
-            found = self._future.result() if self._future.exception() is None else None
+            error = self._future.exception()
+            found = self._future.result() if error is None else None
+            if isinstance(error, BrokenExecutor):  # its process was killed; the next piece gets another
+                self.close()
+                self._pool = None
             if found is not None and found.since_s < self._piece.end_s:
                 begin_s = max(self._piece.begin_s, found.since_s)
                 changed = self._session.work_again(begin_s, self._piece.end_s, found.swept)
@@ -105,11 +109,16 @@ class Repairs:
             if waiting:
                 last = waiting[-1]
                 self._piece = Lost(max(last.begin_s, last.end_s - PIECE_S), last.end_s)
-                self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), give_way)
-                self._future = self._pool.submit(
-                    work_again, self._file, learned, self._piece.begin_s, self._piece.end_s, self.utc_minus_host_s
-                )
+                try:
+                    self._future = self._begun(self._piece, learned)
+                except BrokenExecutor:  # killed while it waited
+                    self.close()
+                    self._pool = None
         return changed
+
+    def _begun(self, piece: Lost, learned: SeenImplement) -> "Future[WorkedAgain | None]":
+        self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), give_way)
+        return self._pool.submit(work_again, self._file, learned, piece.begin_s, piece.end_s, self.utc_minus_host_s)
 
     def can_go_on(self) -> bool:
         """Whether anything is left that can be worked out once the recording is over."""
