@@ -7,7 +7,7 @@ import io
 import json
 import re
 import zipfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from importlib.resources import files
 from itertools import groupby
 from typing import Final
@@ -33,8 +33,16 @@ from furrowmap.exporters.files.qgis_project import (
     put_view,
 )
 from furrowmap.exporters.share.page_points import CLASS_COLOURS
+from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, FARM_LABELS, FARM_LAYER_NAMES, VALUES
-from furrowmap.exporters.vectors.qgis_styles import DOCTYPE, StyleClock, finished_style, with_words
+from furrowmap.exporters.vectors.qgis_styles import (
+    DOCTYPE,
+    StyleClock,
+    extreme_fields,
+    field_extremes,
+    finished_style,
+    with_words,
+)
 
 PROJECT: Final = "furrowmap"
 """Its name in the farm map."""
@@ -199,10 +207,15 @@ _HUES: Final = (0.14, 0.62)
 """From the first day (yellow) over green to the last (blue)."""
 
 
-def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSession]) -> dict[str, str]:
+def styles(
+    layers: Mapping[str, Collection[str]],
+    sessions: Sequence[KnownSession],
+    read: Callable[[str, Sequence[str]], Layer],
+) -> dict[str, str]:
     """The styles (QML) of layers, given with the names of their fields, in the language of the user.
 
-    Map tips show the local time of each session, and name its zone. Worked ground has a colour for each day.
+    `read` gives a layer with some of its columns. Map tips show the local time of each session, and name its zone.
+    Worked ground has a colour for each day.
     """
     found = {name: text for name in layers if (text := _packaged(name)) is not None}
     if _BY_DATE in found:
@@ -210,9 +223,10 @@ def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSessio
     language = language_of_user()
     aliases = {**COLUMN_LABELS, **FARM_LABELS}
     clocks = _clocks(sessions)
-    most = max((session.passes for session in sessions), default=1)
-    extremes = {'minimum("pass")': "1", 'maximum("pass")': str(max(most, 1))}
-    found = {name: finished_style(text, language, clocks, extremes) for name, text in found.items()}
+    for name, text in found.items():
+        ranked = extreme_fields(text)
+        extremes = field_extremes(read(name, ranked).columns) if ranked else {}
+        found[name] = finished_style(text, language, clocks, extremes)
     plain = {name: labels for name, labels in VALUES.items() if name != "implement"}
     return {
         name: with_words(found.get(name, _BARE), sorted(fields), language, report=False, aliases=aliases, values=values)

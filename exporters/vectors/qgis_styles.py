@@ -37,7 +37,7 @@ _LABELLED_TAGS: Final = ("category", "item", "range", "rule")
 _LINE: Final = re.compile(r"<br>|(?:\[%.*?%\]|(?!<br>).)+", re.DOTALL)
 """A line of a map tip, or its end; an expression may hold one, too."""
 _EXPRESSION: Final = re.compile(r"\[%.*?%\]", re.DOTALL)
-_EXTREME: Final = re.compile(r'(?:minimum|maximum)\((?:&quot;|")\w+(?:&quot;|")(?:, (?:&quot;|")tool(?:&quot;|"))?\)')
+_EXTREME: Final = re.compile(r'(?:minimum|maximum)\((?:&quot;|")(\w+)(?:&quot;|")(?:, (?:&quot;|")tool(?:&quot;|"))?\)')
 """Aggregates of QGIS in a style."""
 DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 """First line of styles and projects of QGIS."""
@@ -121,6 +121,11 @@ def finished_style(
     style = in_local_times(style, clocks) if clocks else style
     style = naming_tools(style) if tools else style
     return _EXTREME.sub(lambda found: escape(extremes[unescape(found[0])], quote=True), style)
+
+
+def extreme_fields(style: str) -> list[str]:
+    """The fields whose least or greatest values a packaged style needs."""
+    return sorted({found[1] for found in _EXTREME.finditer(style)})
 
 
 def field_extremes(columns: Mapping[str, NDArray[Any]]) -> dict[str, str]:

@@ -110,7 +110,7 @@ SAMPLES = (
     Sample("inspect drive/recording.pcap drive/gnss.nmea"),
     Sample("run drive/session.toml -o result"),
     Sample(
-        "live --from drive/session.toml --speed 0 --port {page} --nmea-port {nmea} --mqtt mqtt://127.0.0.1:{broker}",
+        "live --json --from drive/session.toml --speed 0 --port {page} --nmea-port {nmea} --mqtt mqtt://127.0.0.1:{broker}",
         LIVE | {"broker": "the broker of `--mqtt`"},
     ),
     Sample("record -o recorded --ports {scanner} --gnss tcp://127.0.0.1:{receiver} --duration 6", RECORD),

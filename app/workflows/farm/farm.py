@@ -304,7 +304,7 @@ def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:
     kinds = edit.layers()
     crs = edit.crs()
     assert crs is not None
-    own = styles({name: edit.columns(name) for name in kinds}, sessions)
+    own = styles({name: edit.columns(name) for name in kinds}, sessions, edit.read)
     notices = edit.store_styles({name: style for name, style in own.items() if kinds[name]})
     layers = []
     for name in drawing_order(list(kinds)):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
 
 from furrowmap.core.runtime.settings import using
 from furrowmap.exporters.farm.project import styles
+from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.qgis_styles import in_language, write_raster_style
 
 FOLDERS = ("furrowmap.exporters", "furrowmap.exporters.farm")
@@ -74,9 +77,22 @@ def test_raster__has_the_legend_of_its_style_in_the_language_of_the_user(
     assert [one.get("label") for one in ET.fromstring(style).iter("item")][-1] == most
 
 
+def three(name: str, columns: Sequence[str]) -> Layer:
+    """A layer of three features, with the numbers 1 to 3."""
+    return Layer(name, "", "", np.full(3, None, object), {column: np.arange(1.0, 4.0) for column in columns})
+
+
+def test_farm_map__has_numbers_in_place_of_aggregates() -> None:
+    names = sorted(name.partition(": ")[2].removesuffix(".qml") for name in STYLES)
+    for style in styles(dict.fromkeys(names, ()), [], three).values():
+        assert "maximum(" not in style
+        assert "minimum(" not in style
+    assert "(3 - 1)" in styles({"passes": ("pass",)}, [], three)["passes"]
+
+
 def test_farm_map__has_its_words_in_the_language_of_the_user() -> None:
     with using(language="ja"):
-        found = styles({"coverage": (), "passes": ("pass",), "sessions": ("worked_area_m2", "implement")}, [])
+        found = styles({"coverage": (), "passes": ("pass",), "sessions": ("worked_area_m2", "implement")}, [], three)
     labels = [one.get("label") for one in ET.fromstring(found["coverage"]).iter("category")]
     assert labels == ["その他の日"]
     assert "作業面積" in found["coverage"]
@@ -85,4 +101,4 @@ def test_farm_map__has_its_words_in_the_language_of_the_user() -> None:
     assert names == {"worked_area_m2": "作業面積・地図平面（m²）", "implement": "作業機"}
     assert "ValueMap" not in found["sessions"], "the kind of the tool is no state"
     with using(language="en"):
-        assert "other days" in styles({"coverage": ()}, [])["coverage"]
+        assert "other days" in styles({"coverage": ()}, [], three)["coverage"]
