@@ -27,6 +27,7 @@ from moto.server import ThreadedMotoServer
 import furrowmap
 from furrowmap.cli.main import COMMANDS
 from furrowmap.exporters.reports import html_pages as pages
+from furrowmap.workflows.live.hosts import OUTSIDE
 from tests.app.crops.test_growth import CRS, EAST, NORTH, PLOTS, write_flight
 from tests.app.crops.test_response import doses, table
 from tests.app.killing import KILLS
@@ -89,6 +90,7 @@ class Sample:
 
 
 STORE = {"s3": "the stores that it is given"}
+ADDRESS_PROBE = "192.0.2.1, without sending anything, for its own address"
 LIVE = {"page": "`--port` and `--nmea-port`", "nmea": "`--port` and `--nmea-port`"}
 RECORD = {
     "sender": "scanners that it records",
@@ -321,11 +323,13 @@ def connections(sample: Sample, seen: Seen, ports: Mapping[str, int]) -> set[str
     named = {ports[name]: phrase for name, phrase in sample.phrases.items() if name in ports}
     found = set()
     for host, port in seen.connected:
-        if port in named and (host in LOOPBACK or host == METADATA_SERVICE):
+        if host == OUTSIDE:
+            found.add(ADDRESS_PROBE)
+        elif port in named and (host in LOOPBACK or host == METADATA_SERVICE):
             found.add(named[port])
         elif host in LOOPBACK:
             found |= {OWN} if port else set()
-        elif (host, port) not in ((METADATA_SERVICE, 0), ("", 0)):
+        elif (host, port) not in ((METADATA_SERVICE, 0), ("", 0), (socket.gethostname(), 0)):
             found.add(f"{host}:{port}")
     return found
 
