@@ -1,11 +1,14 @@
 """Makes the pictures of pages in the documentation anew: ``python scripts/page_images.py``.
 
 Runs the sample recording tractor_fishtail and draws its report and its shared page with Chromium, on a desktop and on a
-phone; ``make demo`` before it, and the picture of its map is taken over.
+phone, and tractor_loop for the dock and a printed page of QGIS; ``make demo`` before it, and the picture of its map is
+taken over.
 """
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,7 +20,7 @@ from tools_of_tests import chromium
 import furrowmap
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-SESSION = CHECKOUT.parent / "shared" / "data" / "tractor_fishtail" / "session.toml"
+SAMPLES = CHECKOUT.parent / "shared" / "data"
 IMAGES = CHECKOUT / "docs" / "images"
 DEMO_MAP = CHECKOUT / "demo" / "result" / "map.png"
 JPEG_QUALITY = 82
@@ -40,11 +43,25 @@ def shoot(page: Path, width: int, height: int, into: Path) -> Image.Image:
         return drawn.convert("RGB")
 
 
+def shoot_qgis(result: Path, work: Path) -> None:
+    """The dock beside the map, and a printed page, in the desktop QGIS of the tests."""
+    plugins = work / "plugins"
+    shutil.copytree(CHECKOUT / "plugin", plugins / "furrowmap")
+    script = "scripts/in_qgis_root.sh"
+    command = [script, "scripts/qgis_desktop.sh", str(plugins), "scripts/qgis_pictures.py", str(result), str(work)]
+    subprocess.run(command, cwd=CHECKOUT, env=os.environ | {"QGIS_SIZE": "1180x760"}, check=True)
+    with Image.open(work / "dock.png") as drawn:
+        drawn.convert("RGB").quantize(256).save(IMAGES / "qgis-dock.png", optimize=True)
+    with Image.open(work / "page.png") as drawn:
+        drawn.convert("RGB").save(IMAGES / "qgis-page.jpg", quality=JPEG_QUALITY, optimize=True)
+
+
 def main() -> None:
     """Write the pictures."""
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
-        result = furrowmap.run(SESSION, work / "result")
+        shoot_qgis(furrowmap.run(SAMPLES / "tractor_loop" / "session.toml", work / "loop").path, work)
+        result = furrowmap.run(SAMPLES / "tractor_fishtail" / "session.toml", work / "result")
         report = result.path / "report.html"
         shoot(report, 940, 1560, work).save(IMAGES / "report-page.png", optimize=True)
         shoot(report, 500, 1559, work).save(IMAGES / "report-page-phone.png", optimize=True)

@@ -13,7 +13,7 @@
      <Option type="Map">
       <Option name="color" type="QString" value="123,31,162,235"/>
       <Option name="style" type="QString" value="solid"/>
-      <Option name="outline_color" type="QString" value="0,0,0,255"/>
+      <Option name="outline_color" type="QString" value="123,31,162,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
       <Option name="outline_width" type="QString" value="0.4"/>
       <Option name="outline_width_unit" type="QString" value="MM"/>
@@ -25,7 +25,7 @@
      <Option type="Map">
       <Option name="color" type="QString" value="123,31,162,150"/>
       <Option name="style" type="QString" value="solid"/>
-      <Option name="outline_color" type="QString" value="0,0,0,255"/>
+      <Option name="outline_color" type="QString" value="123,31,162,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
       <Option name="outline_width" type="QString" value="0.4"/>
       <Option name="outline_width_unit" type="QString" value="MM"/>
@@ -37,7 +37,7 @@
      <Option type="Map">
       <Option name="color" type="QString" value="123,31,162,235"/>
       <Option name="style" type="QString" value="solid"/>
-      <Option name="outline_color" type="QString" value="0,0,0,255"/>
+      <Option name="outline_color" type="QString" value="123,31,162,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
       <Option name="outline_width" type="QString" value="0.4"/>
       <Option name="outline_width_unit" type="QString" value="MM"/>

@@ -14,7 +14,7 @@
      <Option type="Map">
       <Option name="color" type="QString" value="194,81,0,220"/>
       <Option name="style" type="QString" value="solid"/>
-      <Option name="outline_color" type="QString" value="97,40,0,255"/>
+      <Option name="outline_color" type="QString" value="194,81,0,255"/>
       <Option name="outline_style" type="QString" value="solid"/>
       <Option name="outline_width" type="QString" value="0.3"/>
       <Option name="outline_width_unit" type="QString" value="MM"/>
