@@ -51,7 +51,7 @@ def shoot_qgis(result: Path, work: Path) -> None:
     command = [script, "scripts/qgis_desktop.sh", str(plugins), "scripts/qgis_pictures.py", str(result), str(work)]
     subprocess.run(command, cwd=CHECKOUT, env=os.environ | {"QGIS_SIZE": "1180x760"}, check=True)
     with Image.open(work / "dock.png") as drawn:
-        drawn.convert("RGB").quantize(256).save(IMAGES / "qgis-dock.png", optimize=True)
+        drawn.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE).save(IMAGES / "qgis-dock.png", optimize=True)
     with Image.open(work / "page.png") as drawn:
         drawn.convert("RGB").save(IMAGES / "qgis-page.jpg", quality=JPEG_QUALITY, optimize=True)
 
