@@ -38,7 +38,14 @@ from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.page_features import HIDDEN_AT_FIRST, moment_s
 from furrowmap.exporters.share.shown_layers import RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.vectors.labels import SHARED_LAYERS
-from furrowmap.exporters.vectors.qgis_styles import StyleClock, field_extremes, finished_style, in_language, with_words
+from furrowmap.exporters.vectors.qgis_styles import (
+    StyleClock,
+    extreme_fields,
+    field_extremes,
+    finished_style,
+    in_language,
+    with_words,
+)
 
 PROJECT_FILE: Final = "field.qgs"
 FIELD_PRODUCTS: Final = (PROJECT_FILE, FIELD)
@@ -70,8 +77,9 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         style = None
         fields = about["fields"].tolist()
         if f"{name}.qml" in packaged_styles():
-            extremes = field_extremes(result.layer(name).columns)
-            style = finished_style(packaged_style(f"{name}.qml"), language, [clock], extremes, tools="tool" in fields)
+            packaged = packaged_style(f"{name}.qml")
+            extremes = field_extremes(result.layer(name).columns) if extreme_fields(packaged) else {}
+            style = finished_style(packaged, language, [clock], extremes, tools="tool" in fields)
             style = with_words(style, fields, language, report=False)
         if name == PASSES and style is not None and (result.folder / CHANGE).is_file():
             style = style.replace('name="style" type="QString" value="solid"', HATCHED)

@@ -14,8 +14,10 @@ from tests.inputs.test_matrix import KINDS, MATRIX
 
 OF_CASE = {"check": "check --table", "calibrate": "calibrate --machine", "run": "run --preview"}
 """The case whose words are those of a command, where it has another name."""
-LEFT_OUT = {"calibrate --machine", "init --machine", "record --machine", "live --from", "live --map", "check --pairs"}
-LEFT_OUT |= {"gnss solve --antennas"}
+LEFT_OUT = {
+    *("calibrate --machine", "init --machine", "record --machine", "live --from", "live --map", "check --pairs"),
+    "gnss solve --antennas",
+}
 """Options of no case, or such that the case has already."""
 INSTEAD = {"canopy --polygons": "--cell"}
 """Options of the case that another one takes the place of."""

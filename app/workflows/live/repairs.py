@@ -97,7 +97,6 @@ class Repairs:
             found = self._future.result() if error is None else None
             if isinstance(error, BrokenExecutor):  # its process was killed; the next piece gets another
                 self.close()
-                self._pool = None
             if found is not None and found.since_s < self._piece.end_s:
                 begin_s = max(self._piece.begin_s, found.since_s)
                 changed = self._session.work_again(begin_s, self._piece.end_s, found.swept)
@@ -113,7 +112,6 @@ class Repairs:
                     self._future = self._begun(self._piece, learned)
                 except BrokenExecutor:  # killed while it waited
                     self.close()
-                    self._pool = None
         return changed
 
     def _begun(self, piece: Lost, learned: SeenImplement) -> "Future[WorkedAgain | None]":
@@ -127,9 +125,10 @@ class Repairs:
         )
 
     def close(self) -> None:
-        """End the process."""
+        """End the process; the next piece would get another."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = None
 
     def _waiting(self, *, is_over: bool) -> list[Lost]:
         """What was lost and not looked at again, in its order."""

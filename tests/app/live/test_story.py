@@ -142,7 +142,8 @@ def assert_usable(page: Page) -> None:
     names = sorted(parts)
     for k, one in enumerate(names):
         for other in names[k + 1 :]:
-            a, b = parts[one], parts[other]
+            a = parts[one]
+            b = parts[other]
             apart = a[2] <= b[0] + 1 or b[2] <= a[0] + 1 or a[3] <= b[1] + 1 or b[3] <= a[1] + 1
             assert apart, (one, other)
     assert {name: box for name, box in boxes(page, "dd").items() if box[4] > 0} == {}
