@@ -9,7 +9,7 @@ import signal
 import sys
 from pathlib import Path
 from random import Random
-from threading import Event
+from threading import Event, Timer
 from typing import Any
 
 import msgspec
@@ -80,7 +80,11 @@ def test_promise_20__killed_live_session_changes_nothing_else_and_leaves_whole_l
         if posed > 5:
             stop.set()
 
+    longest = Timer(60.0, stop.set)
+    longest.start()
     furrowmap.live(recording, port=None, nmea_port=None, stop=stop, on_scan=hear)
+    longest.cancel()
+    assert posed > 5
     head, *rows = logged(recording)
     assert head["crs"].startswith("EPSG:")
     assert rows
