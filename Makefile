@@ -44,8 +44,9 @@ fuzz: $(INSTALLED)  ## damaged inputs to all readers, or some: make fuzz MINUTES
 fuzz-sessions: $(INSTALLED)  ## random sessions to the commands: make fuzz-sessions SESSIONS=1000 SEED=1
 	$(BIN)/python -m tests.fuzz_sessions --sessions $(or $(SESSIONS),1000) $(if $(SEED),--seed $(SEED)) $(if $(NUMBER),--number $(NUMBER))
 
-kills: $(INSTALLED)  ## writers killed at random moments, full disks, links in their way: make kills KILLS=200 ONLY=farm
-	KILLS=$(or $(KILLS),200) $(BIN)/python -m pytest -q -s $(if $(ONLY),-k '$(ONLY)') tests/app/test_killed.py tests/app/live/test_killed_live.py tests/app/test_full_disk.py tests/app/test_obstacles.py tests/app/test_security_page.py $(OTHER_KILLS)
+kills: $(INSTALLED)  ## writers killed at random moments, full disks, links in their way, the largest polygons: make kills KILLS=200 ONLY=farm
+	KILLS=$(or $(KILLS),200) $(BIN)/python -m pytest -q -s $(if $(ONLY),-k '$(ONLY)') tests/app/test_killed.py tests/app/live/test_killed_live.py tests/app/test_full_disk.py tests/app/test_obstacles.py tests/app/test_security_page.py \
+	  tests/core/readers/areas/test_nasty_polygons.py $(OTHER_KILLS)
 
 test-lowest: build/lowest.txt  ## the quick tests with the lowest versions that pyproject.toml allows
 	$(PYTHON) scripts/setup.py build/venv-lowest test $<

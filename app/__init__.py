@@ -358,7 +358,8 @@ def __getattr__(name: str) -> Any:
 
         value: Any = version("furrowmap")
     elif name in _MODULES:
-        from furrowmap.process import importing, prepare_process
+        from furrowmap.core.runtime.imports import importing
+        from furrowmap.process import prepare_process
 
         prepare_process()
         with importing():

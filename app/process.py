@@ -5,8 +5,8 @@ import gc
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -24,6 +24,8 @@ _M_ARENA_MAX: Final = -8
 """Parameters of mallopt(3)."""
 _NOT_FOR_US: Final = {
     "laspy.copc": ("requests",),
+    "numba.core.config": ("yaml",),
+    "numba.core.typing.cffi_utils": ("cffi",),
     "numba.misc.coverage_support": ("coverage",),
     "pyogrio": ("geopandas", "pandas", "pyarrow"),
     "rasterio": ("boto3",),
@@ -166,23 +168,6 @@ class _LoaderWithout(Loader):
         finally:
             for name in hidden:
                 del sys.modules[name]
-
-
-@contextmanager
-def importing() -> Iterator[None]:
-    """Within it, modules are imported without garbage collection, and what they made is left out of later ones.
-
-    The libraries of a run make half a million objects that stay to the end. Python would look through them again and
-    again: 0.35 s of processor time in a run of 10 s.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-        gc.freeze()
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def _caches() -> Path:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.cloud import BATCH_POINTS, Box, CloudFile, open_cloud
 from furrowmap.core.readers.las.point_records import CloudBatch
-from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, MissingExtraError
 from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.exporters.files import result_folder
 from furrowmap.exporters.files.result_folder import CHANGE, CLOUD, DSM, DSM_BEFORE, ResultFolder
@@ -77,11 +77,20 @@ class Points:
         return self.read() if dtype is None else self.read().astype(dtype)
 
     def to_open3d(self) -> Any:
-        """An `open3d.geometry.PointCloud` of all points, with any colours; raises RefusedError without Open3D."""
+        """An `open3d.geometry.PointCloud` of all points, with any colours; raises MissingExtraError without Open3D."""
         try:
             import open3d
         except ImportError as error:
-            raise RefusedError("no-open3d", error=error) from None
+            raise MissingExtraError(
+                "open3d",
+                "open3d",
+                Text("Points are handed to it."),
+                otherwise=Text(
+                    "where the error names a library of the system, install that (Debian: libusb-1.0-0, libgl1, "
+                    "libgomp1)"
+                ),
+                error=error,
+            ) from None
         points = self.read()
         cloud = open3d.geometry.PointCloud()
         cloud.points = open3d.utility.Vector3dVector(np.column_stack([points[axis] for axis in "xyz"]))
@@ -274,13 +283,12 @@ def read_raster(path: Path) -> Any:
     """
     import pyproj
 
-    from furrowmap.core.readers.geotiff import open_geotiff
+    from furrowmap.core.readers.geotiff import expect_crs, open_geotiff
     from furrowmap.core.readers.raster_heights import height_scale
     from furrowmap.core.runtime.memory import expect_memory
 
     with open_geotiff(path, _no_raster) as source:
-        if source.crs is None:
-            raise _no_raster(path, Text("has no CRS"))
+        expect_crs(source, path)
         expect_memory(path, source.width * source.height * np.dtype(source.dtypes[0]).itemsize)
         if source.transform.b or source.transform.d:
             raise _no_raster(path, "has rotated or sheared cells")

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning as Cleaning
-from furrowmap.core.runtime.errors import InputError, UsageError
+from furrowmap.core.runtime.errors import InputError, OptionError, UsageError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.options import setting
 
 if TYPE_CHECKING:
@@ -197,7 +198,8 @@ class ParcelSettings:
         from furrowmap.core.crops.trial_tables import day_of
 
         if self.method not in METHODS:
-            raise UsageError("usage.crop-height-method", method=self.method, methods=", ".join(METHODS))
+            wanted = Text("one of {choices:or}", choices=tuple(METHODS))
+            raise OptionError("--method", self.method, wanted, next(iter(METHODS)))
         soil_file(self.soil)
         day_of(self.day)
 
@@ -284,16 +286,18 @@ class CanopySettings:
     dst_crs: CRS | str | None = _dst_crs()
 
     def __post_init__(self) -> None:
-        sizes = [self.pixel_m, self.cell_m, self.layer_m]
-        faults = {
-            "usage.canopy-both": self.cell_m is not None and self.polygons is not None,
-            "usage.canopy-neither": self.cell_m is None and self.polygons is None,
-            "usage.canopy-size": any(size is not None and not size > 0.0 for size in sizes),
-            "usage.canopy-ground": not self.ground_m >= 0.0,
-        }
-        fault = next((key for key, given in faults.items() if given), None)
-        if fault is not None:
-            raise UsageError(fault)
+        if (self.cell_m is None) == (self.polygons is None):
+            key = "usage.neither" if self.cell_m is None else "usage.both"
+            raise UsageError(key, one="--cell", other="--polygons")
+        sizes = {"--pixel": self.pixel_m, "--cell": self.cell_m, "--layer": self.layer_m}
+        for option, size in sizes.items():
+            if size is not None and not size > 0.0:
+                wanted = Text("a size above zero, in metres")
+                raise OptionError(option, size, wanted, "0.5")
+        if not self.ground_m >= 0.0:
+            wanted = Text("zero or more metres")
+            option = "--ground-height"
+            raise OptionError(option, self.ground_m, wanted, "0.2")
 
 
 @dataclass(frozen=True)

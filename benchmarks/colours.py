@@ -22,7 +22,6 @@ from furrowmap.core.images.image_frames import Frames, frames_along
 from furrowmap.core.images.pinhole import inside, project
 from furrowmap.core.pipeline.solution import companions, ground_scale
 from furrowmap.core.readers.image_pixels import read_pixels
-from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.session.session_camera import camera_of
 from furrowmap.core.trajectory.located import locate
@@ -39,12 +38,12 @@ PART = 500_000
 def main() -> None:
     """Measure and print."""
     opened = open_session(Path(sys.argv[1]))
-    notices: list[Notice] = []
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
     assert opened.session.camera is not None
     scale = ground_scale(opened.frame, located.trajectory)
     camera = camera_of(opened.session.camera)
-    frames = frames_along(opened.images(notices), camera, located.trajectory, scale, notices)
+    images, _ = opened.images()
+    frames, _ = frames_along(images, camera, located.trajectory, scale)
     assert frames is not None
     with laspy.open(sys.argv[2]) as file:
         points = file.read()
@@ -81,7 +80,7 @@ def made(frames: Frames, origin: tuple[float, float, float], xyz: FloatArray) ->
     for part in np.array_split(xyz, -(-len(xyz) // PART)):
         maker.add(part)
     depth = process_time()
-    colours = maker.finish([])
+    colours = maker.finish()
     print(
         f"{len(frames)} frames: depth maps {len(xyz) / (depth - begin) / 1e6:.2f} M points a second of one processor, "
         f"images and balance {process_time() - depth:.1f} s"

@@ -16,7 +16,6 @@ import numpy as np
 
 from furrowmap.core.pipeline.session_aid import aid_session
 from furrowmap.core.pipeline.solution import companions, ground_scale
-from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import locate
@@ -48,16 +47,16 @@ def main(session: Path) -> None:
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
     truth = session.parent / "truth" / "trajectory.csv"
     print("without images:", errors(located.trajectory, truth))
-    notices: list[Notice] = []
     begin, used = perf_counter(), resource.getrusage(resource.RUSAGE_SELF).ru_utime
     scale = ground_scale(opened.frame, located.trajectory)
-    located, aid = aid_session(opened, located, scale, notices, silent)
+    aided = aid_session(opened, located, scale, silent)
     used = resource.getrusage(resource.RUSAGE_SELF).ru_utime - used
-    for notice in notices:
+    for notice in aided.notices:
         print(notice.text)
+    aid = aided.aid
     if aid is None:
         return
-    print("with images:   ", errors(located.trajectory, truth))
+    print("with images:   ", errors(aided.located.trajectory, truth))
     print(f"{aid.images} images in {perf_counter() - begin:.0f} s, {used:.0f} s of the processor")
     print(aid.calibration())
 

@@ -79,6 +79,7 @@ BLAMES = {
     "clock-offset": "clock",
     "gnss-frozen": "positions",
     "gnss-height": "positions",
+    "gnss-steps": "positions",
     "boundary-apart": "boundary",
     "tool-apart": "tool",
     "elevations-off": "model",
@@ -423,6 +424,7 @@ def _damaged(log: str, what: Mapping[str, Any]) -> str:
     lines, first_s = log.splitlines(), math.nan
     kept: dict[str, list[str]] = {}
     lined_m = on_lines(lines, what["line_s"]) if "line_s" in what else {}
+    heights = bool(set(what) & {"up_m", "up_per_min_m", "swing_m", "round_m"}) or what.get("frozen") == "heights"
     for i, text in enumerate(lines):
         field = text.partition("*")[0].lstrip("$").split(",")
         kind = field[0][2:]
@@ -443,11 +445,10 @@ def _damaged(log: str, what: Mapping[str, Any]) -> str:
         elif "line_s" in what:
             if i in lined_m:
                 field[9] = f"{lined_m[i]:.4f}"
-        elif set(what) & {"up_m", "up_per_min_m", "swing_m", "round_m", "frozen"}:
-            if kind == "GGA":
-                field[9] = _height(field[9], since_s, what, kept)
-        else:
+        elif not heights:
             field[at], field[at + 2] = "0000.00000000", "00000.00000000"
+        if heights and kind == "GGA":
+            field[9] = _height(field[9], since_s, what, kept)
         lines[i] = sentence(field)
     return "\r\n".join(lines) + "\r\n"
 

@@ -58,6 +58,7 @@ AT_TOP = {
     "scanner-clock-off": "clock",
     "gnss-frozen": "positions",
     "gnss-heights": "positions",
+    "gnss-steps": "positions",
     "model-differs": "model",
     "camera-times-off": "camera",
     "camera-mounting-off": "camera",

@@ -47,10 +47,10 @@ class Chosen(OpenSession):
 
     span = slice(None)
 
-    def images(self, notices: list[Notice]) -> Images:
+    def images(self) -> tuple[Images, list[Notice]]:
         """As :meth:`OpenSession.images`, fewer."""
-        whole = super().images(notices)
-        return whole.chosen(np.arange(len(whole))[self.span])
+        whole, notices = super().images()
+        return whole.chosen(np.arange(len(whole))[self.span]), notices
 
 
 def main(session: Path, first: int | None, last: int | None) -> None:
@@ -65,14 +65,14 @@ def main(session: Path, first: int | None, last: int | None) -> None:
     for name, camera in wrong(stated.session.camera).items():
         changed = msgspec.structs.replace(stated.session, camera=camera)
         opened = Chosen(stated.file, changed, stated.inputs, stated.frame)
-        notices: list[Notice] = []
         begin = process_time()
-        adjusted, aid = aid_session(opened, replace(located), scale, notices, silent)
+        aided = aid_session(opened, replace(located), scale, silent)
+        aid = aided.aid
         print(f"{name}: {'used' if aid is not None else 'not used'}, {process_time() - begin:.0f} s of the processor")
-        for notice in notices:
+        for notice in aided.notices:
             print("   ", notice.code, notice.text)
         if aid is not None:
-            print("   ", errors(adjusted.trajectory, truth), np.round(aid.adjusted.tension, 2), flush=True)
+            print("   ", errors(aided.located.trajectory, truth), np.round(aid.adjusted.tension, 2), flush=True)
 
 
 if __name__ == "__main__":

@@ -65,18 +65,23 @@ def _planned(found: Batch) -> str:
         ("unchanged", str(len(found.unchanged))),
         ("expected duration", _duration(found.estimate_s or 0.0)),
     ]
-    return "\n".join([table(rows), *_names(found.run)])
+    return "\n".join([table(rows), *_names(found.run), *_failures(found)])
 
 
 def _done(found: Batch) -> str:
     failed = [row for row in found.sessions if row.outcome.failure is not None]
     rows = [("run", str(len(found.run))), ("unchanged", str(len(found.unchanged))), ("failed", str(len(failed)))]
-    lines = [f"{printable(str(found.results))}:", table(rows)]
-    for row in failed:
-        assert row.outcome.failure is not None
-        told = row.outcome.failure.lines_in(language_of_user())
-        lines += [f"{printable(row.name)}:", *(f"  {line}" for line in told)]
-    return "\n".join(lines)
+    return "\n".join([f"{printable(str(found.results))}:", table(rows), *_failures(found)])
+
+
+def _failures(found: Batch) -> list[str]:
+    """Names and errors of the sessions without a result."""
+    lines = []
+    for row in found.sessions:
+        if row.outcome.failure is not None:
+            told = row.outcome.failure.lines_in(language_of_user())
+            lines += [f"{printable(row.name)}:", *(f"  {line}" for line in told)]
+    return lines
 
 
 def _names(names: tuple[str, ...]) -> list[str]:

@@ -14,7 +14,8 @@ import furrowmap
 from furrowmap.cli.command_options import FILE, DescribedCommand, command, flag, numbers, option, output, overwrite
 from furrowmap.cli.console import Console
 from furrowmap.cli.result_tables import table
-from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.core.runtime.errors import OptionError, printable
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.margins import margin, with_margin
 
 if TYPE_CHECKING:
@@ -116,7 +117,8 @@ def _board(text: str, square_m: float) -> Board:
     """The board of a text such as `9x6`."""
     numbers = re.fullmatch(r"(\d{1,3})[xX×](\d{1,3})", text.strip())
     if numbers is None or min(int(numbers[1]), int(numbers[2])) < MIN_CORNERS:
-        raise UsageError("bad-board", text=text)
+        wanted = Text("the numbers of inner corners, where four squares meet, in a row and of rows")
+        raise OptionError("--board", text, wanted, "9x6")
     return furrowmap.Board(int(numbers[1]), int(numbers[2]), square_m)
 
 
@@ -124,7 +126,8 @@ def _board_angles(text: str) -> tuple[float, float, float]:
     """The angles of a text such as `180,0,90`."""
     angles = numbers(text)
     if len(angles) != 3:
-        raise UsageError("usage.board-rpy", text=text)
+        wanted = Text("ROLL,PITCH,YAW in degrees")
+        raise OptionError("--board-rpy", text, wanted, "180,0,90")
     return angles[0], angles[1], angles[2]
 
 

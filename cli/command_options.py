@@ -4,7 +4,7 @@ import logging
 import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, dataclass, fields
 from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
@@ -13,8 +13,8 @@ from typing import Any, Final
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.core.runtime.errors import UsageError
-from furrowmap.core.runtime.languages.texts import LANGUAGES, Text, Words
+from furrowmap.core.runtime.errors import OptionError, UsageError
+from furrowmap.core.runtime.languages.texts import LANGUAGES, Text
 from furrowmap.core.runtime.options import Option, options_of
 from furrowmap.core.runtime.settings import ALLOWANCES, allowing, using_threads
 from furrowmap.core.runtime.write_errors import temporary_elsewhere
@@ -34,19 +34,37 @@ VALUE_TYPES: Final[Mapping[str, click.ParamType[Any] | type]] = {
 """Type of the value by the metavar of an option; text for others."""
 JSON_HELP: Final = "Print the result as JSON to standard output."
 POSITION_METAVAR: Final = "LAT,LON,HEIGHT"
-NUMBER_LISTS: Final[
-    Mapping[str, tuple[int | None, Callable[[list[float]], bool], Words, Callable[[list[float]], object]]]
-] = {
-    "W,S,E,N": (4, lambda box: box[0] < box[2] and box[1] < box[3], "W,S,E,N with W < E and S < N", tuple),
-    "N,N": (
+
+
+@dataclass(frozen=True)
+class NumberList:
+    """What a list of numbers separated by commas may be; `count` is None for any number of them."""
+
+    count: int | None
+    is_valid: Callable[[list[float]], bool]
+    wanted: Text
+    example: str
+    value: Callable[[list[float]], object]
+
+
+NUMBER_LISTS: Final[Mapping[str, NumberList]] = {
+    "W,S,E,N": NumberList(
+        4,
+        lambda box: box[0] < box[2] and box[1] < box[3],
+        Text("W,S,E,N with W < E and S < N"),
+        "500000,5000000,500100,5000100",
+        tuple,
+    ),
+    "N,N": NumberList(
         None,
         set(range(256)).issuperset,
         Text("a list of classes from 0 to 255 separated by commas"),
+        "2,9",
         lambda classes: frozenset(map(int, classes)),
     ),
-    "ENDS,SIDES": (2, lambda widths: min(widths) >= 0.0, Text("two widths in metres"), tuple),
+    "ENDS,SIDES": NumberList(2, lambda widths: min(widths) >= 0.0, Text("two widths in metres"), "1.0,0.11", tuple),
 }
-"""Lists of numbers by the metavar: how many, which are valid, what is wanted, and what becomes of them."""
+"""By the metavar."""
 
 
 class LabelledOption(click.Option):
@@ -101,8 +119,39 @@ def _nothing() -> None:
     """A command without options of its own."""
 
 
+def behind_the_command(arguments: Sequence[str], own: set[str]) -> list[str]:
+    """Arguments of a group with the options of every command that stand before a command behind it.
+
+    Where no command follows them they are left out, unless they are the group's `own`.
+    """
+    options = [each for each in command("")(_nothing).params if isinstance(each, CommonOption)]
+    flags = {name for each in options if each.is_flag or each.count for name in each.opts}
+    with_value = {name for each in options for name in each.opts} - flags
+    letters = {name[1] for name in flags if not name.startswith("--")}
+    at = 0
+    while at < len(arguments):
+        name, equals, _ = arguments[at].partition("=")
+        if name in with_value:
+            at += 1 if equals else 2
+        elif name in flags or (name[:1] == "-" and name[1:] and letters.issuperset(name[1:])):
+            at += 1
+        else:
+            break
+    if at >= len(arguments) or arguments[at].startswith("-"):
+        return [*own.intersection(arguments[:at]), *arguments[at:]]
+    return [arguments[at], *arguments[:at], *arguments[at + 1 :]]
+
+
 class CommandGroup(click.Group):
-    """A command group whose error for an unknown command suggests the nearest one."""
+    """A command group.
+
+    Its error for an unknown command suggests the nearest one. Options of every command may stand before the command.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the group's own arguments."""
+        own = {name for each in self.params for name in each.opts}
+        return super().parse_args(ctx, args if ctx.resilient_parsing else behind_the_command(args, own))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of that name; None for an unknown one during shell completion."""
@@ -278,21 +327,19 @@ def value_of(option: Option, value: Any) -> Any:
     if option.metavar == POSITION_METAVAR:
         place = numbers(value)
         if len(place) != 3 or abs(place[0]) > 90.0 or abs(place[1]) > 360.0:
-            raise UsageError("invalid-position", text=value)
+            wanted = Text("LAT,LON,HEIGHT with the latitude first, in degrees and metres")
+            raise OptionError(option.name, value, wanted, "43.0645,141.3503,46.2")
         return tuple(place)
     if option.metavar not in NUMBER_LISTS:
         return value
-    count, is_valid, wanted, kind = NUMBER_LISTS[option.metavar]
+    of_kind = NUMBER_LISTS[option.metavar]
     found = numbers(value)
-    if not found or (count and len(found) != count):
-        wanted = (
-            Text("a list of {count} numbers separated by commas", count=count)
-            if count
-            else Text("a list of numbers separated by commas")
-        )
-    elif is_valid(found):
-        return kind(found)
-    raise UsageError("usage.no-list", option=option.name, text=value, wanted=wanted)
+    wanted = of_kind.wanted
+    if not found or len(found) != (of_kind.count or len(found)):
+        wanted = Text("a list of {count:{count} |}numbers separated by commas", count=of_kind.count)
+    elif of_kind.is_valid(found):
+        return of_kind.value(found)
+    raise OptionError(option.name, value, wanted, of_kind.example)
 
 
 def numbers(text: str) -> list[float]:

@@ -19,7 +19,8 @@ from furrowmap.cli.command_options import (
 )
 from furrowmap.cli.console import Console
 from furrowmap.cli.result_tables import aligned, parcel_table, surveyed, table, written
-from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.core.runtime.errors import OptionError, printable
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.margins import with_margin
 from furrowmap.core.values.plot_grid import PlotGrid
 from furrowmap.settings import CanopySettings, GrowthSettings, ParcelSettings, ResponseSettings
@@ -95,7 +96,8 @@ def plots(
 def _place(option: str, text: str, crs: str | None) -> Any:
     place = numbers(text)
     if len(place) != 2:
-        raise UsageError("usage.place-option", option=option, text=text)
+        wanted = Text("easting,northing or longitude,latitude")
+        raise OptionError(option, text, wanted, "651010.2,6132601.5")
     return furrowmap.Place(place[0], place[1], crs)
 
 

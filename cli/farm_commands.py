@@ -22,7 +22,8 @@ from furrowmap.cli.command_options import (
 )
 from furrowmap.cli.console import Console
 from furrowmap.cli.result_tables import table
-from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.core.runtime.errors import OptionError, UsageError, printable
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.settings import MosaicSettings, TrafficSettings
 
 if TYPE_CHECKING:
@@ -259,4 +260,5 @@ def _zone(name: str | None) -> ZoneInfo | None:
     try:
         return ZoneInfo(name)
     except (KeyError, ValueError, OSError):
-        raise UsageError("usage.time-zone", name=name) from None
+        wanted = Text("a time zone of the IANA database")
+        raise OptionError("--time-zone", name, wanted, "Asia/Tokyo") from None

@@ -25,7 +25,8 @@ from furrowmap.cli.command_options import (
 )
 from furrowmap.cli.console import Console
 from furrowmap.cli.result_tables import table
-from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.core.runtime.errors import OptionError, UsageError, printable
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.margins import with_margin
 from furrowmap.settings import EvaluationSettings, SolveSettings
 
@@ -165,7 +166,8 @@ def _offsets(texts: Sequence[str], tests: int) -> list[tuple[float, float, float
 def _offset(text: str) -> tuple[float, float, float]:
     offset = numbers(text)
     if len(offset) != 3 or not all(abs(part) < 100.0 for part in offset):
-        raise UsageError("usage.antenna-offset", text=text)
+        wanted = Text("FORWARD,LEFT,UP in metres")
+        raise OptionError("--antenna-offset", text, wanted, "0.30,-0.12,0")
     return offset[0], offset[1], offset[2]
 
 

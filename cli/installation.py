@@ -12,7 +12,8 @@ import click
 from furrowmap.cli.command_options import command, group, option, output
 from furrowmap.cli.console import Console
 from furrowmap.core.runtime.errors import UsageError, printable
-from furrowmap.core.runtime.languages.messages import ERROR_PARTS, expansions
+from furrowmap.core.runtime.languages.expansions import expansions
+from furrowmap.core.runtime.languages.messages import ERROR_PARTS
 from furrowmap.core.runtime.languages.texts import ENGLISH, templates
 from furrowmap.core.runtime.settings import language_of_user
 
@@ -88,7 +89,7 @@ def install(console: Console, profile: str | None, plugins_folder: Path | None) 
     from furrowmap.workflows.share.qgis_plugin import enable_plugin, find_profiles, install_plugin
 
     if profile is not None and plugins_folder is not None:
-        raise UsageError("usage.profile-and-folder")
+        raise UsageError("usage.both", one="--profile", other="--plugins-folder")
     if plugins_folder is not None:
         installed = [install_plugin(plugins_folder)]
     else:

@@ -53,10 +53,10 @@ def live(
     page until Ctrl-C.
     """
     if folder is not None and played is not None:
-        raise UsageError("usage.live-source")
+        raise UsageError("usage.both", one="FOLDER", other="--from")
     recording = played or folder
     if recording is None:
-        raise UsageError("usage.live-neither")
+        raise UsageError("usage.neither", one="FOLDER", other="--from")
     port = 8080 if port is None else port
     if port:
         addresses = (own_addresses() if not local else []) or ["localhost"]

@@ -17,7 +17,7 @@ import furrowmap
 from furrowmap.cli.command_options import command, flag, numbers, option, output
 from furrowmap.cli.console import CLEARED_LINE, Console
 from furrowmap.cli.result_tables import table
-from furrowmap.core.runtime.errors import Notice, UsageError, printable
+from furrowmap.core.runtime.errors import Notice, OptionError, printable
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.settings import language_of_user
 
@@ -163,5 +163,6 @@ def _viewer(folder: Path) -> Iterator[None]:
 def _numbers(text: str) -> tuple[int, ...]:
     found = numbers(text)
     if not found or any(port % 1.0 or not 0 < port < 1 << 16 for port in found):
-        raise UsageError("usage.no-list", option="--ports", text=text, wanted=Text("UDP ports separated by commas"))
+        wanted = Text("UDP ports separated by commas")
+        raise OptionError("--ports", text, wanted, "2368,8308")
     return tuple(map(int, found))

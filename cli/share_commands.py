@@ -29,7 +29,7 @@ def share(console: Console, result: Path, output: Path | None, *, qfield: bool, 
 
     The web page has the map with its layers, the figures, the point cloud in three dimensions, and measures distances
     and areas. Open index.html from disk, or put the folder on any web server; it needs no network. With --qfield, copy
-    the folder to a phone and open field.qgs in QField; --lang is its language. The web page has English and Japanese.
+    the folder to a phone and open field.qgs in QField; --lang is its language. The web page has all languages.
     """
     with console.work() as progress:
         done = furrowmap.share(result, output, qfield=qfield, overwrite=overwrite, progress=progress)

@@ -37,6 +37,7 @@ from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.cli.main import asked_language, attempt
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
+from furrowmap.core.runtime.languages.texts import Text, reason
 from furrowmap.core.runtime.progress import Progress, Step, WholeShare
 from furrowmap.core.runtime.settings import using
 from furrowmap.process import prepare_process
@@ -182,11 +183,11 @@ def _arguments(line: bytes) -> list[str]:
     try:
         order = msgspec.json.decode(line, type=_Order)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise UsageError("worker-order.no-start", error=error) from None
+        raise UsageError("worker-order", fault=reason(error)) from None
     if not order.arguments or order.arguments[0] == "worker":
-        raise UsageError("worker-order.no-command")
+        raise UsageError("worker-order", fault=Text("it names no command"))
     if any("\0" in argument for argument in order.arguments):
-        raise UsageError("worker-order.null")
+        raise UsageError("worker-order", fault=Text("an argument has a null byte"))
     return order.arguments
 
 

@@ -12,7 +12,7 @@ MISSED_COLOUR: Final = "#7b1fa2"
 NOT_SEEN_COLOUR: Final = "#5f6b73"
 PASS_RAMP: Final = ("#b5dcc4", WORKED_COLOUR, "#123f29")
 """From the first pass to the last: shades of ground worked."""
-TOOL_DOWN_COLOUR: Final = "#8c460a"
+TOOL_DOWN_COLOUR: Final = "#5a3dff"
 TOOL_UP_COLOUR: Final = "#2f7fb8"
 TOOL_UNKNOWN_COLOUR: Final = "#6e6e6e"
 BOUNDARY_COLOUR: Final = "#1f2a30"
@@ -46,7 +46,7 @@ NIGHT: Final = {
     "missed": "#c77dff",
     "not-seen": "#c8d0d4",
     "boundary": "#e6efe9",
-    "tool-down": "#e0985a",
+    "tool-down": "#7542ff",
     "tool-up": "#6fb4e4",
     "on-tool": "#000000",
     "vehicle": "#7fb2ff",

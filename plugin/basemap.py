@@ -33,6 +33,8 @@ BASE_MAP_PROPERTY = "furrowmap/basemap"
 ATTRIBUTION_PROPERTY = "furrowmap/attribution"
 PROBE_PROPERTY = "furrowmap/probe"
 """Property of a layer: an address whose host answers if the map can be reached."""
+_UNREACHED: set[str] = set()
+"""Ids of the layers whose host did not answer: they show no tiles."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,18 @@ def show_base_map(layer: QgsMapLayer | None, key: str, project: QgsProject | Non
 def base_map_layers(project: QgsProject) -> list[QgsMapLayer]:
     """The base maps in a project."""
     return [layer for layer in project.mapLayers().values() if layer.customProperty(BASE_MAP_PROPERTY)]
+
+
+def note_reached(layer: QgsMapLayer, *, reached: bool) -> None:
+    """Remember whether the host of a base map answers; where that has changed, the map is drawn again."""
+    if reached == (layer.id() in _UNREACHED):
+        _UNREACHED.symmetric_difference_update({layer.id()})
+        layer.triggerRepaint()
+
+
+def with_tiles(layers: Sequence[QgsMapLayer]) -> list[QgsMapLayer]:
+    """The layers but those whose host did not answer."""
+    return [layer for layer in layers if layer.id() not in _UNREACHED]
 
 
 def attribution_of(layers: Sequence[QgsMapLayer]) -> str:
@@ -174,7 +188,7 @@ def _attributed(layer: QgsRasterLayer, text: str) -> QgsRasterLayer:
 
 
 class AttributionLabel(QObject):
-    """The attribution in the canvas's corner, if a visible layer needs it."""
+    """The attribution in the canvas's corner, if a visible layer needs it and its tiles can be had."""
 
     def __init__(self, canvas: QgsMapCanvas) -> None:
         super().__init__(canvas)
@@ -184,11 +198,12 @@ class AttributionLabel(QObject):
         self.label.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         canvas.installEventFilter(self)
         canvas.layersChanged.connect(self.refresh)
+        canvas.mapCanvasRefreshed.connect(self.refresh)
         self.refresh()
 
     def refresh(self) -> None:
         """Show the attribution of the present layers."""
-        text = attribution_of(self._canvas.layers())
+        text = attribution_of(with_tiles(self._canvas.layers()))
         self.label.setText(text)
         self.label.adjustSize()
         self.label.move(self._canvas.width() - self.label.width() - 2, self._canvas.height() - self.label.height() - 2)
@@ -197,6 +212,7 @@ class AttributionLabel(QObject):
     def remove(self) -> None:
         """Remove it from the canvas."""
         self._canvas.layersChanged.disconnect(self.refresh)
+        self._canvas.mapCanvasRefreshed.disconnect(self.refresh)
         self._canvas.removeEventFilter(self)
         self.label.deleteLater()
         self.deleteLater()

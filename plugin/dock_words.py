@@ -16,15 +16,16 @@ from .processing.description import ALGORITHMS
 tr = partial(QCoreApplication.translate, "DockWords")
 
 _SESSION_KEYS = re.compile(
-    r"`?\[+(\w+)\]+ (\w+)(?: = [^`。]*(?=`))?`?(?:( and | or |、| と |と| か | または )`?(\w+)`?(?![\w\]]))?"
+    r"`?\[+(\w+)\]+ (\w+)(?: = [^`。]*(?=`))?`?"
+    r"(?:( and | or | und | oder |、| と |と| か | または )`?(\w+)`?(?![\w\]]))?"
 )
 _COMMAND_WORDS = re.compile(r"`furrowmap ([a-z]+(?: [a-z]+)?)((?: [^`]*)?)`")
 _PIP_INSTALL = re.compile(
     r"(?:furrowmap のチェックアウト内で )?`?pip install ['\"]?\.\[(\w+)\]['\"]?`?"
-    r"( または \"\.\[\w+\]\"| or \"\.\[\w+\]\")?"
-    r"(?: in the checkout of furrowmap| を実行する(?=か)| を実行してください)?"
+    r"((?: または | or | oder )\"\.\[\w+\]\")?"
+    r"(?: in the checkout of furrowmap| im Checkout von furrowmap| を実行する(?=か)| を実行してください)?"
 )
-_OUTPUT_OPTION = re.compile(r" with -o\b|`?(?<![\w-])-o`? で")
+_OUTPUT_OPTION = re.compile(r" with -o\b|\b[Mm]it -o\b|`?(?<![\w-])-o`? で")
 _ANY_OPTION = re.compile(r"`?(?<![\w-])--([a-z][a-z-]+)")
 _EXTRA_NAME = re.compile(r"pip install ['\"]?\.\[(\w+)\]")
 
@@ -35,11 +36,17 @@ def in_dock_words(text: str) -> str:
         return text
     text = _PIP_INSTALL.sub(_part, text)
     text = _COMMAND_WORDS.sub(_command, text)
-    text = _OUTPUT_OPTION.sub(
-        lambda found: tr(" under 'Results'") if found[0].startswith(" ") else tr("'Results': "), text
-    )
+    text = _OUTPUT_OPTION.sub(_output, text)
     text = _SESSION_KEYS.sub(_keys, text)
     return _ANY_OPTION.sub(_option, text)
+
+
+def _output(found: re.Match[str]) -> str:
+    """The place of the output instead of the option, at the begin of a sentence, within one, or before the place."""
+    words = tr(" under 'Results'")
+    if found[0].casefold() == "mit -o":
+        return words[1].upper() + words[2:] if found[0][0] == "M" else words[1:]
+    return words if found[0].startswith(" ") else tr("'Results': ")
 
 
 def extra_words() -> dict[str, str]:

@@ -12,6 +12,7 @@ from qgis.PyQt import sip
 from qgis.PyQt.QtCore import QIODevice, QProcess, QProcessEnvironment
 
 from .platforms import own_prefix, worker_environment
+from .translation import translation_file
 
 
 class ProgramError(Exception):
@@ -28,7 +29,8 @@ def process_environment() -> QProcessEnvironment:
     environment = QProcessEnvironment()
     for name, value in worker_environment(os.environ, own_prefix(Path(QgsApplication.prefixPath()))).items():
         environment.insert(name, value)
-    environment.insert("FURROWMAP_LANG", "ja" if (QgsApplication.locale() or "").startswith("ja") else "en")
+    language = (QgsApplication.locale() or "")[:2]
+    environment.insert("FURROWMAP_LANG", language if translation_file(language).is_file() else "en")
     return environment
 
 

@@ -62,12 +62,12 @@ SURFACES = (
 )
 COLOURED_SURFACES = ("crop_height", "change", "swaths", "height_above_ground", "strip_overlap", "density")
 """Rasters in colours, which lie above the hillshade."""
-_ALWAYS = ("boundary", "trajectory", "plants", "lines", "planes", "orthophoto", "dsm")
+_ALWAYS = ("boundary", "plants", "lines", "planes", "orthophoto", "dsm")
 THEMES = {
     "work": (*_ALWAYS, "misses", "unworked", "overlaps", "coverage"),
-    "passes": (*_ALWAYS, "events", "overlaps", "passes"),
+    "passes": (*_ALWAYS, "trajectory", "events", "overlaps", "passes"),
     "crops": (*_ALWAYS, "parcels", "crop_height"),
-    "surface": (*_ALWAYS, "change", "zones", "tool_path"),
+    "surface": (*_ALWAYS, "trajectory", "change", "zones", "tool_path"),
     "quality": ("control_points", "trajectory", "boundary", "strip_differences", "swaths", "dsm"),
 }
 """Layers of a run that are seen together."""
@@ -162,7 +162,7 @@ def opening(folder: str | Path, project: QgsProject | None = None) -> Generator[
 def themes_of(group: QgsLayerTreeGroup) -> list[str]:
     """The themes for which a run has layers of their own, the first of them shown at first; at least one."""
     keys = set(nodes_by_key(group))
-    return [name for name, layers in THEMES.items() if keys & set(layers) - set(_ALWAYS)] or ["surface"]
+    return [name for name, layers in THEMES.items() if keys & set(layers) - {*_ALWAYS, "trajectory"}] or ["surface"]
 
 
 def show_theme(group: QgsLayerTreeGroup, theme: str) -> None:

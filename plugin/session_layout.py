@@ -33,7 +33,7 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QCoreApplication
 from qgis.PyQt.QtGui import QTextDocument
 
-from .basemap import attribution_of
+from .basemap import attribution_of, with_tiles
 from .figures import figures_html, local_start, object_in, verdict_html
 from .legends import label_band
 from .own_layers import key_of, nodes_by_key
@@ -103,7 +103,12 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     bar.applyDefaultSize(Qgis.DistanceUnit.Meters)
     bar.attemptMove(QgsLayoutPoint(LEFT_MM + 25.0, BOTTOM_MM + 1.0, Qgis.LayoutUnit.Millimeters))
     _label(layout, tr("▲ north"), (LEFT_MM, BOTTOM_MM + 4.0, 25.0, 8.0))
-    _label(layout, attribution_of(shown), (LEFT_MM + 100.0, BOTTOM_MM + 5.0, MAP_WIDTH_MM - 100.0, 6.0), size=7.0)
+    _label(
+        layout,
+        attribution_of(with_tiles(shown)),
+        (LEFT_MM + 100.0, BOTTOM_MM + 5.0, MAP_WIDTH_MM - 100.0, 6.0),
+        size=7.0,
+    )
     if passes is not None and passes.featureCount():
         atlas = layout.atlas()
         atlas.setCoverageLayer(passes)

@@ -27,12 +27,17 @@ COMMENT = 8
 def install_translator(locale: str | None = None) -> QTranslator | None:
     """Translate the plugin's texts into the language of QGIS; returns the translator, None if there is none."""
     locale = locale or QgsApplication.locale() or ""
-    path = Path(__file__).with_name("i18n") / f"furrowmap_{locale[:2]}.ts"
+    path = translation_file(locale[:2])
     if not path.is_file():
         return None
     translator = Translator(compiled(messages(path)))
     QCoreApplication.installTranslator(translator)
     return translator
+
+
+def translation_file(language: str) -> Path:
+    """The file of a language, by its code; it exists for each language of furrowmap but English."""
+    return Path(__file__).with_name("i18n") / f"furrowmap_{language}.ts"
 
 
 class Translator(QTranslator):

@@ -93,7 +93,9 @@ def _common() -> str:
     formatter = context.make_formatter()
     describe_common_options(context, formatter)
     _, _, described = formatter.getvalue().strip().partition("\n")
-    return f"## Options of every command\n\n```text\n{described}\n```\n"
+    return (
+        f"## Options of every command\n\nThey may stand before the command or behind it.\n\n```text\n{described}\n```\n"
+    )
 
 
 if __name__ == "__main__":

@@ -112,7 +112,7 @@ def draw_volumes(rows: dict[str, list[MeasuredParcel]], file: Path) -> None:
 
 def main(result: Path, flight: Path, folder: Path) -> None:
     """Draw all, and print the table."""
-    parcels = read_parcels(flight / "parcels.geojson", CRS.from_epsg(25832), (1.00, 0.11))
+    parcels = read_parcels(flight / "parcels.geojson", CRS.from_epsg(25832), (1.00, 0.11))[0]
     plan = pd.read_csv(flight / "treatments.csv").set_index("id")
     truth = pd.read_csv(flight / "truth" / "parcels_truth.csv").set_index("id")
     clouds = {name: points_of(result, strips, parcels) for name, strips in PATHS.items()}

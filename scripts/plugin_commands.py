@@ -1,4 +1,4 @@
-"""Writes plugin/processing/commands.json from the command line's own options: ``python scripts/plugin_commands.py``.
+"""Writes commands.json and examples.json of plugin/processing from the commands: ``python scripts/plugin_commands.py``.
 
 The plugin builds the parameters of its algorithms from that file, since it cannot import the package. Run the script
 after a change of a command's options, and ``scripts/plugin_strings.py`` after it, for the translations.
@@ -117,5 +117,12 @@ def content() -> str:
     return "{\n" + ",\n".join(blocks) + "\n}\n"
 
 
+def examples() -> str:
+    """The file of examples as it should be: the first of each command's help."""
+    found = {name: (command.epilog or "").splitlines()[2].strip() for name, command in commands()}
+    return json.dumps(found, indent=1, ensure_ascii=False) + "\n"
+
+
 if __name__ == "__main__":
+    FILE.with_name("examples.json").write_text(examples(), encoding="utf-8")
     FILE.write_text(content(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Brings plugin/i18n/furrowmap_ja.ts up to date with the plugin's sources: ``python scripts/plugin_strings.py``.
+"""Brings the files of plugin/i18n up to date with the plugin's sources: ``python scripts/plugin_strings.py``.
 
 New strings get an unfinished entry, strings that no longer exist are removed, translations are kept. A string's context
 is the one that its file's ``tr`` or its ``QT_TRANSLATE_NOOP`` names, else its class, as in Qt's own ``tr``.
@@ -19,7 +19,8 @@ from furrowmap.plugin.processing.description import ALGORITHMS, TOOLBOX_GROUPS
 PLUGIN = Path(__file__).resolve().parents[1] / "plugin"
 LEGENDS = json.loads((PLUGIN / "legends.json").read_text(encoding="utf-8"))
 UNFINISHED = '<translation type="unfinished"/>'
-TRANSLATIONS = PLUGIN / "i18n" / "furrowmap_ja.ts"
+TRANSLATIONS = {path.stem.partition("_")[2]: path for path in sorted((PLUGIN / "i18n").glob("furrowmap_*.ts"))}
+"""The file of each language; a new one begins as an empty file."""
 STAGES = (
     "reading positions",
     "reading scans",
@@ -118,9 +119,10 @@ def _literal(node: ast.expr) -> str | None:
     return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
 
 
-def translations(path: Path = TRANSLATIONS) -> Strings:
+def translations(language: str) -> Strings:
     """(context, string) → translation, of those that are finished."""
-    if not path.is_file():
+    path = TRANSLATIONS[language]
+    if not path.stat().st_size:
         return {}
     return {
         (context.findtext("name", ""), message.findtext("source", "")): message.findtext("translation", "")
@@ -130,9 +132,9 @@ def translations(path: Path = TRANSLATIONS) -> Strings:
     }
 
 
-def page(strings: list[tuple[str, str]], known: Strings) -> str:
+def page(language: str, strings: list[tuple[str, str]], known: Strings) -> str:
     """The .ts file."""
-    lines = ['<?xml version="1.0" encoding="utf-8"?>', "<!DOCTYPE TS>", '<TS version="2.1" language="ja">']
+    lines = ['<?xml version="1.0" encoding="utf-8"?>', "<!DOCTYPE TS>", f'<TS version="2.1" language="{language}">']
     for context in sorted({context for context, _ in strings}):
         lines += ["<context>", f"  <name>{context}</name>"]
         for source in (text for name, text in strings if name == context):
@@ -144,9 +146,12 @@ def page(strings: list[tuple[str, str]], known: Strings) -> str:
 
 
 if __name__ == "__main__":
-    strings, known = source_strings(), translations()
-    TRANSLATIONS.parent.mkdir(exist_ok=True)
-    TRANSLATIONS.write_text(page(strings, known), encoding="utf-8")
-    unfinished = [string for string in strings if string not in known]
-    print(f"{TRANSLATIONS}: {len(strings)} strings, {len(unfinished)} are not translated")
-    sys.exit(bool(unfinished))
+    strings = source_strings()
+    all_done = True
+    for language, path in TRANSLATIONS.items():
+        known = translations(language)
+        path.write_text(page(language, strings, known), encoding="utf-8")
+        unfinished = [string for string in strings if string not in known]
+        print(f"{path}: {len(strings)} strings, {len(unfinished)} are not translated")
+        all_done = all_done and not unfinished
+    sys.exit(not all_done)

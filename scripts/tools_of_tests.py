@@ -1,7 +1,7 @@
 """Programs that tests compare with: prints where one is, after it was installed where it was missing.
 
-`python scripts/tools_of_tests.py chromium|node-readers|postgis|rtklib`. Only Debian's packages are installed, by root;
-elsewhere whoever wants the tests installs the programs.
+`python scripts/tools_of_tests.py chromium|node-readers|postgis|pyqt6|rtklib`. Of programs only Debian's packages are
+installed, by root; elsewhere whoever wants the tests installs them.
 """
 
 from __future__ import annotations
@@ -10,12 +10,16 @@ import os
 import shutil
 import subprocess
 import sys
+import venv
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import gettempdir
 
 sys.path.insert(0, str(Path(__file__).parent))
 from installing import CHECKOUT, CannotInstallError, apt_install, digest, kept, locked
+
+PYQT6 = "6.11.0"
+"""Of Qt 6, as QGIS 4 has it."""
 
 
 def chromium() -> str:
@@ -69,6 +73,22 @@ def node_readers() -> str:
     return str(folder)
 
 
+def pyqt6() -> str:
+    """The interpreter of an environment with PyQt6 alone, which no other test needs."""
+    folder = kept(f"pyqt6-{PYQT6}")
+    python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    folder.mkdir(exist_ok=True)
+    with locked(folder / "lock"):
+        if not (folder / "complete").exists():
+            venv.create(folder, with_pip=True)
+            command = [str(python), "-m", "pip", "install", "--quiet", f"PyQt6=={PYQT6}"]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode != 0:
+                raise CannotInstallError(f"PyQt6 cannot be installed: {done.stderr.strip().splitlines()[-1]}")
+            (folder / "complete").touch()
+    return str(python)
+
+
 def found_or_installed(what: str, find: Callable[[], str | None], *arguments: str) -> str:
     """What `find` finds, before or after these packages of Debian are installed."""
     path = find()
@@ -82,7 +102,7 @@ def found_or_installed(what: str, find: Callable[[], str | None], *arguments: st
     return path
 
 
-TOOLS = {"chromium": chromium, "node-readers": node_readers, "postgis": postgis, "rtklib": rtklib}
+TOOLS = {"chromium": chromium, "node-readers": node_readers, "postgis": postgis, "pyqt6": pyqt6, "rtklib": rtklib}
 
 if __name__ == "__main__":
     try:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -80,13 +81,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     Files with slow tests come first, so that two workers end at the same time.
     """
+
+    @cache  # of hundreds of files, not of their thousands of tests
+    def is_slow(path: Path) -> bool:
+        place = path.relative_to(CHECKOUT / "tests")
+        return any(place.is_relative_to(folder) for folder in SLOW_FOLDERS) or place.stem.endswith(SLOW_FILES)
+
     for item in items:
-        place = item.path.relative_to(CHECKOUT / "tests")
-        if (
-            SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ()))
-            or any(place.is_relative_to(folder) for folder in SLOW_FOLDERS)
-            or place.stem.endswith(SLOW_FILES)
-        ):
+        if SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ())) or is_slow(item.path):
             item.add_marker("slow")
     slow_files = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow_files)

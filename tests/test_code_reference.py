@@ -26,9 +26,21 @@ TABLES_OF_TEXTS = {
     "core/runtime/languages/texts.py",
 }
 """Files that make texts of a table, which has a test of its own: kinds of files, parts of messages, labels."""
-DOORS = {"unreadable", "_unreadable", "unusable", "unused", "_bad", "_invalid", "_bad_columns", "contradicting"}
+DOORS = {
+    "MissingExtraError",
+    "OptionError",
+    "unreadable",
+    "_unreadable",
+    "unusable",
+    "unused",
+    "_bad",
+    "_invalid",
+    "_bad_columns",
+    "contradicting",
+}
 """Functions that make an error of a reason."""
-PROSE = re.compile(r"[a-z]{2,} [a-z]{2,}")
+PROSE = re.compile(r"(?<![-\w])[a-z]{2,} [a-z]{2,}")
+"""Two words beside each other, but for an option and its value."""
 MAKERS = {"FurrowmapError", "UsageError", "InputError", "RefusedError", "Notice"}
 TAKE_REASONS = MAKERS | DOORS
 

@@ -137,6 +137,7 @@ DOORS = {
     "core/readers/sqlite_file.py": "GeoPackages, before GDAL opens them",
     "core/readers/agopengps.py": "field folders of AgOpenGPS",
     "core/readers/isoxml/content.py": "task data", "core/readers/surveyed_points.py": "points with heights",
+    "core/readers/chosen_survey.py": "whether a file may hold them",
     "core/readers/geotiff.py": "GeoTIFFs", "core/readers/raster_neighbours.py": "files beside a GeoTIFF",
     "core/readers/raster_heights.py": "heights of a GeoTIFF, by a scratch file",
     "core/readers/las/cloud.py": "clouds", "core/readers/las/decoding.py": "LAZ, in a process that may die of it",
@@ -182,7 +183,8 @@ NO_INPUTS = {
     "exporters/files/owner.py": "the system's figures", "exporters/files/plain_files.py": "what it writes",
     "exporters/files/result_folder.py": "results", "exporters/files/staging.py": "its own notes",
     "exporters/rasters/web_images.py": "memory", "exporters/rasters/relief.py": "the cloud of a result",
-    "exporters/reports/html_pages.py": "templates of the package", "exporters/share/page.py": "files of the package",
+    "exporters/reports/html_pages.py": "templates of the package",
+    "exporters/reports/printed_pages.py": "a page that it printed", "exporters/share/page.py": "files of the package",
     "exporters/share/field_project.py": "layers of a result", "exporters/vectors/geopackage.py": "layers of results",
     "exporters/vectors/labels.py": "a list of the package",
 }  # fmt: skip

@@ -68,7 +68,10 @@ def test_trajectory__is_within_its_sigmas(flown: tuple[Path, furrowmap.Result]) 
     assert np.sqrt(np.mean(error[:, 3:5] ** 2, axis=0)).max() < 0.01
 
 
-@pytest.mark.parametrize(("language", "words"), [("en", "The trajectory is computed."), ("ja", "軌跡を計算しました。")])
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [("en", "The trajectory is computed."), ("de", "Die Trajektorie ist berechnet."), ("ja", "軌跡を計算しました。")],
+)
 def test_report__of_an_aircraft_without_a_scanner_claims_neither_ground_nor_tool(
     flown: tuple[Path, furrowmap.Result], tmp_path: Path, language: str, words: str
 ) -> None:

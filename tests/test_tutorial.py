@@ -24,20 +24,33 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture(scope="module")
-def tutorial(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder in which the tutorial was followed."""
+def typed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """The folder in which the tutorial was followed, and what its commands printed."""
     folder = tmp_path_factory.mktemp("tutorial")
-    assert set(type_page("tutorial/first-map.md", folder)) == {"simulate", "inspect", "init", "run"}
+    return folder, type_page("tutorial/first-map.md", folder)
+
+
+@pytest.fixture(scope="module")
+def tutorial(typed: tuple[Path, dict[str, str]]) -> Path:
+    """The folder in which the tutorial was followed."""
+    folder, outputs = typed
+    assert set(outputs) == {"simulate", "inspect", "init", "run"}
     return folder
 
 
 @pytest.fixture(scope="module")
-def own_recording(tutorial: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder in which the page about recordings of one's own was followed, with the tutorial's recording."""
+def own_recording(typed: tuple[Path, dict[str, str]], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the page about recordings of one's own was followed, with the tutorial's recording.
+
+    Its session is that of the tutorial (see the test below), and so is its result.
+    """
+    tutorial, outputs = typed
     folder = tmp_path_factory.mktemp("own")
     (folder / "recording.pcap").write_bytes(gzip.decompress((tutorial / "first" / "recording.pcap.gz").read_bytes()))
     shutil.copyfile(tutorial / "first" / "gnss.nmea", folder / "gnss.nmea")
-    assert set(type_page("how-to/run-your-own-recording.md", folder)) == {"inspect", "init", "run"}
+    shutil.copytree(tutorial / "first" / "result", folder / "result")
+    known = {"furrowmap run session.toml -o result": outputs["run"].replace("first/", "")}
+    assert set(type_page("how-to/run-your-own-recording.md", folder, known)) == {"inspect", "init", "run"}
     return folder
 
 
@@ -55,12 +68,17 @@ def test_readme__is_typed_with_a_recording(
     assert named <= files
 
 
-def test_own_recording__comes_to_the_result_of_the_tutorial(tutorial: Path, own_recording: Path) -> None:
+def test_own_recording__comes_to_the_session_of_the_tutorial(tutorial: Path, own_recording: Path) -> None:
+    """But for its name and for the boundary, which no figure on the page depends on."""
     one, other = (
-        json.loads((folder / "report.json").read_text(encoding="utf-8"))["figures"]
-        for folder in (tutorial / "first" / "result", own_recording / "result")
+        tomllib.loads(path.read_text(encoding="utf-8"))
+        for path in (tutorial / "first" / "mine.toml", own_recording / "session.toml")
     )
-    assert one["overlap_area_m2"] == other["overlap_area_m2"] > 1.0
+    assert one.pop("field") == {"boundary": "boundary.geojson"}
+    for session in (one, other):
+        del session["name"]
+        session["recording"]["lidar"] = [name.removesuffix(".gz") for name in session["recording"]["lidar"]]
+    assert one == other
 
 
 def test_python__page_does_what_it_shows(own_recording: Path) -> None:

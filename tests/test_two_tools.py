@@ -115,7 +115,7 @@ def test_pass__is_named_with_its_tool_wherever_passes_are_shown(result: furrowma
         styles = dict(database.execute("SELECT f_table_name, styleQML FROM layer_styles WHERE useAsDefault"))
     assert """"&quot;tool&quot; || ' ' || &quot;pass&quot;\"""" in styles["passes"]
     assert all(re.search(r'<mapTip[^>]*>\[% "tool" %\]: ', styles[name]) for name in ("passes", "tool_path", "events"))
-    shown = shared_layer("passes", open_result(result.path).layer("passes"), ZoneInfo("Asia/Tokyo"), alone=False)
+    shown = shared_layer("passes", open_result(result.path).layer("passes"), ZoneInfo("Asia/Tokyo"), shown=True)
     assert shown is not None
     assert {feature["label"] for feature in shown["features"]} == {f"{tool} 1" for tool in both}
     furrowmap.export([result.path], "kml", tmp_path / "out.kml", layers=["passes"])

@@ -16,8 +16,9 @@ import shlex
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import tomli_w
@@ -36,8 +37,11 @@ print(json.dumps(outputs))
 """
 
 
-def type_page(page: str, folder: Path) -> dict[str, str]:
-    """The output of each command (by its name; of Python as "python") of a page, named from docs, typed in a folder."""
+def type_page(page: str, folder: Path, known: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
+    """The output of each command (by its name; of Python as "python") of a page, named from docs, typed in a folder.
+
+    Commands with a `known` output are not typed.
+    """
     text = (DOCS / page).read_text(encoding="utf-8")
     blocks = [(block[3], block[4]) for block in _typed_blocks(text)]
     outputs, last, session = dict[str, str](), "", Path()
@@ -46,7 +50,8 @@ def type_page(page: str, folder: Path) -> dict[str, str]:
         if kind == "sh":
             for words in (shlex.split(line, comments=True) for line in body.splitlines()):
                 if words[:1] in (["furrowmap"], ["cat"]):
-                    last = outputs[words[1]] = _typed(words, folder)
+                    line = shlex.join(words)
+                    last = outputs[words[1]] = known[line] if line in known else _typed(words, folder)
                 if words[:2] == ["furrowmap", "init"]:
                     session = folder / last.splitlines()[0].removeprefix("Wrote ")
         elif kind == "toml":

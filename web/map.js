@@ -21,13 +21,14 @@ const PHONE = matchMedia("(max-width: 700px)");
 let language = startLanguage();
 
 function startLanguage() {
-  const asked = new URLSearchParams(location.search).get("lang");
-  return (asked ?? (data.language || navigator.language)).startsWith("ja") ? "ja" : "en";
+  const asked = new URLSearchParams(location.search).get("lang") ?? data.language;
+  const known = (asked ? [asked] : navigator.languages).map((one) => one.split("-")[0]);
+  return known.find((one) => data.languages[one]) ?? "en";
 }
 
 /** A text in the reader's language; texts of the user's own stay as they are. */
 function say(text) {
-  return language === "ja" ? (data.japanese[text] ?? text) : text;
+  return data.languages[language].texts[text] ?? text;
 }
 
 /** An element with text; text is never read as HTML. */
@@ -357,8 +358,8 @@ function alarmBox({ text, follows }) {
   return box;
 }
 
-// Without a Japanese font every letter is the same box.
-function hasJapaneseFont() {
+// Without a font of the language, as of Japanese, every letter is the same box.
+function hasFont(name) {
   const drawn = (letter) => {
     const canvas = document.createElement("canvas");
     canvas.width = canvas.height = 24;
@@ -367,14 +368,14 @@ function hasJapaneseFont() {
     pen.fillText(letter, 2, 20);
     return canvas.toDataURL();
   };
-  return drawn("日") !== drawn("本");
+  return drawn(name[0]) !== drawn(name[1]);
 }
 
 function fillPanel() {
   document.documentElement.lang = language;
   document.title = data.title || say("Field report");
   byId("title").textContent = document.title;
-  byId("language").textContent = language === "ja" ? "English" : japanese;
+  byId("language").value = language;
   for (const one of document.querySelectorAll("[data-say]")) one.textContent = unbroken(say(one.dataset.say));
   for (const one of document.querySelectorAll("[data-label]")) one.setAttribute("aria-label", say(one.dataset.label));
   byId("when").textContent = data.when;
@@ -402,8 +403,8 @@ function openPanel(open) {
 }
 
 byId("menu").addEventListener("click", () => openPanel(!document.body.classList.contains("panel-open")));
-byId("language").addEventListener("click", () => {
-  language = language === "ja" ? "en" : "ja";
+byId("language").addEventListener("change", () => {
+  language = byId("language").value;
   showCard("");
   fillPanel();
 });
@@ -412,7 +413,10 @@ byId("area").addEventListener("click", () => measure("area"));
 byId("whole").addEventListener("click", () => (byId("cloud").hidden ? showAll() : cloudView?.whole()));
 byId("solid").addEventListener("click", showCloud);
 new ResizeObserver(() => cloudView?.resize()).observe(byId("cloud-view"));
-const japanese = hasJapaneseFont() ? "日本語" : "Japanese";
+for (const [code, { name }] of Object.entries(data.languages)) {
+  const shown = hasFont(name) ? name : new Intl.DisplayNames(["en"], { type: "language" }).of(code);
+  byId("language").append(new Option(shown, code));
+}
 fillPanel();
 openPanel(!PHONE.matches);
 showAll();

@@ -19,9 +19,10 @@ from furrowmap.core.accuracy.point_check import (
 from furrowmap.core.pointclouds.disc_targets import SEARCH_DIAMETERS, find_disc
 from furrowmap.core.pointclouds.joined_clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_to_measure
 from furrowmap.core.pointclouds.local_plane import MAX_PLANE_SLOPE, PLANE_RADIUS_M, local_plane
+from furrowmap.core.readers.chosen_survey import SurveyOptions, survey_of
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.point_records import CloudBatch
-from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
+from furrowmap.core.readers.surveyed_points import SurveyedPoints
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent

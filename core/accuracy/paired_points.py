@@ -10,7 +10,8 @@ import numpy as np
 import pyproj
 
 from furrowmap.core.accuracy.point_check import PointCheck, rounded
-from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, in_degrees, read_points, survey_of
+from furrowmap.core.readers.chosen_survey import SurveyOptions, survey_of
+from furrowmap.core.readers.surveyed_points import SurveyedPoints, in_degrees, read_points
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 

@@ -12,8 +12,9 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.chosen_survey import SurveyOptions, survey_of
 from furrowmap.core.readers.raster_heights import open_heights
-from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
+from furrowmap.core.readers.surveyed_points import SurveyedPoints
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.languages.texts import Text, Words

@@ -21,8 +21,8 @@ from furrowmap.core.accuracy.point_check import (
     rounded,
     surface_at_points,
 )
+from furrowmap.core.readers.chosen_survey import SurveyOptions
 from furrowmap.core.readers.las.cloud import is_cloud
-from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import CHECK_POINTS_OFF, InputError, Notice
 from furrowmap.core.runtime.languages.texts import Text

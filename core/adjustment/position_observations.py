@@ -26,6 +26,8 @@ ANTENNA_HEADING_SIGMA_RAD: Final = np.radians(0.5)
 """Of a two-antenna heading, whose error lasts for ANTENNA_HEADING_CORRELATION_S."""
 STANDS_WITHIN_M: Final = 1.0
 """An antenna that moves by less shows no heading: it sways, or the vehicle turns about its axle."""
+LASTING_TIMES: Final = 1.5
+"""Standard deviation at the begin of a run, over that of the next position, from which on an error lasts."""
 MAX_HEADING_GAP_S: Final = 1.0
 """Recorded headings further apart are not interpolated."""
 
@@ -95,6 +97,10 @@ class AntennaPositions(Observation):
         out: FloatArray = np.hypot(*(self.residuals_m(knots, state) / self.positions.white_m)[:, :2].T)
         return out
 
+    def errors_m(self, knots: Knots, state: State) -> FloatArray:
+        """(m, 3) errors of the positions at the poses, slow ones included; nan outside all chains."""
+        return self.residuals_m(knots, replace(state, added=np.zeros_like(state.added)))
+
     def residuals_m(self, knots: Knots, state: State) -> FloatArray:
         """(m, 3) residuals; nan outside all chains."""
         k, share, inside = knots.at(self.positions.t_s)
@@ -127,7 +133,7 @@ def without_repeats(k: IntArray) -> list[NDArray[np.intp]]:
 
 @dataclass(frozen=True)
 class GnssDrift(Observation):
-    """First-order Gauss-Markov process of each axis, which begins anew with each run of equal quality.
+    """First-order Gauss-Markov process of each axis, anew with each run of equal quality; a larger begin of one lasts.
 
     Attributes:
         correlation_s: time over which it changes.
@@ -147,21 +153,23 @@ class GnssDrift(Observation):
         begins = np.ones(len(knots), np.bool_)
         begins[on + 1] = False
         starts = np.flatnonzero(begins)
+        run = np.cumsum(begins) - 1
         kept = np.exp(-KNOT_STEP_S / self.correlation_s)
-        row = np.zeros(size + 1)
-        row[0] = -kept
-        row[size] = 1.0
         for axis in range(3):
             column = state.layout.column(GNSS_DRIFT) + axis
             value = drift[:, axis]
             spread = p.drift_m[:, axis]
-            begin = np.ones((len(starts), 1))
-            equations.add(starts * size + column, begin, -value[starts], spread[nearest[starts]])
+            first = spread[nearest[starts]]
+            equations.add(starts * size + column, np.ones((len(starts), 1)), -value[starts], first)
+            lasts = first > LASTING_TIMES * spread[np.minimum(nearest[starts] + 1, len(spread) - 1)]
             for part in arrays.parts(len(on)):
                 same = on[part]
-                design = np.broadcast_to(row, (len(same), len(row)))
+                share = np.where(lasts[run[same]], 1.0, kept)
+                design = np.zeros((len(same), size + 1))
+                design[:, 0] = -share
+                design[:, size] = 1.0
                 sigma = spread[nearest[same]] * np.sqrt(1.0 - kept**2)
-                equations.add(same * size + column, design, kept * value[same] - value[same + 1], sigma)
+                equations.add(same * size + column, design, share * value[same] - value[same + 1], sigma)
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,8 @@ def field_boundary(
     `xy_m` (n, 2) are places of the vehicle at even steps of time. Raises InputError if the file cannot be read, has no
     field of the name, or the field lies outside the map.
     """
-    notices: list[Notice] = []
-    fields = read_fields(file, notices, frame.crs)
+    fields, decided = read_fields(file, frame.crs)
+    notices = list(decided)
     if name is not None:
         wanted = [field for field in fields if name.casefold().strip() in map(str.casefold, field.names)]
         if not wanted:
@@ -95,10 +95,10 @@ def _apart(boundary: BaseGeometry, drive: BaseGeometry) -> Notice:
 
 def ground_to_map(file: Path, frame: MapFrame) -> Area:
     """All polygons of a file, or of task data, as an area of the map; InputError if it cannot be read."""
-    notices: list[Notice] = []
-    shape = boundary_on_map(_union(read_fields(file, notices, frame.crs, WITHIN_UNREADABLE)), frame)
+    fields, notices = read_fields(file, frame.crs, WITHIN_UNREADABLE)
+    shape = boundary_on_map(_union(fields), frame)
     polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
-    return Area(file, tuple(polygons), tuple(notices))
+    return Area(file, tuple(polygons), notices)
 
 
 def _union(fields: Sequence[FieldOutline]) -> BaseGeometry:

@@ -22,7 +22,7 @@ from furrowmap.core.surfaces.spool import TilePoints
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import Trajectory
 
-SEARCHED_BESIDE_M: Final = 0.8
+SEARCHED_BESIDE_M: Final = 2.0
 """Width beside the stated line in which its ends are looked for."""
 ACROSS_BIN_M: Final = 0.05
 SETTLE_S: Final = 0.2
@@ -39,6 +39,8 @@ CORRELATED_CELLS: Final = 10.0
 """Cells of a clod, or of a return's error, count as one."""
 MIN_CHANGED_SHARE: Final = 0.4
 """Of the same, over every 0.3 m where the tool worked: wheels alone leave the ground between them as it was."""
+MAX_CHANGED_TIMES: Final = 5.0
+"""Ground that changed by so many times more is no soil: walls, and plants that move."""
 AROUND_TRANSITION_S: Final = 3.0
 """Time around a transition in which the tool's line is followed."""
 ALONG_M: Final = 1.2
@@ -49,6 +51,10 @@ MIN_AHEAD_M: Final = 0.3
 """A tool leaves the soil, and enters it, over some decimetres."""
 MIN_OFF_M: Final = 0.13
 """Soil is thrown, and left lying, by as much beside a tool."""
+MIN_SEEN_WIDTH: Final = 0.6
+MAX_SEEN_WIDTH: Final = 1.25
+"""Ground that changed on one side of the line alone is a tool's work if it is that wide, as shares of the width stated:
+wheels and windrows are narrower. Its far end may be beyond what is looked at."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +83,14 @@ class ToolEnds:
         left_m: how far to the left of the middle of the stated line.
         right_m: how far to its right.
         ahead_m: how far ahead of the stated line the tool works, by begins and ends of passes.
+        aside_m: how far to the left of the middle, or to its right if negative, the soil begins to change, where it
+            has not changed in the middle.
     """
 
     left_m: float
     right_m: float
     ahead_m: float = np.nan
+    aside_m: float = np.nan
 
     def notices(self, implement: Implement) -> tuple[Notice, ...]:
         """That the tool is elsewhere, or wider or narrower; none where the soil does not show that."""
@@ -91,6 +100,9 @@ class ToolEnds:
         if (np.abs(off_m) > MIN_OFF_M).any():
             left_m, right_m = (None if np.isnan(end_m) else float(end_m) for end_m in (self.left_m, self.right_m))
             told.append(Notice("tool-apart", left_m=left_m, right_m=right_m, half_m=half_m, tool=implement.name))
+        if not np.isnan(self.aside_m):
+            near_m = abs(self.aside_m)
+            told.append(Notice("tool-apart.aside", near_m=near_m, is_left=self.aside_m > 0.0, tool=implement.name))
         if abs(self.ahead_m) > MIN_AHEAD_M:
             off = abs(self.ahead_m)
             told.append(Notice("tool-apart.along-track", off_m=off, is_ahead=self.ahead_m > 0.0, tool=implement.name))
@@ -215,7 +227,11 @@ class ToolEdges:
         left_m, right_m = (_end_m(side, self.half_m) for side in (across[middle:], across[:middle][::-1]))
         # Work that is shifted back begins earlier than stated, and ends earlier.
         earlier_m, later_m = (_end_m(way[::-1], ALONG_M, ALONG) - ALONG_M for way in (begins, ends))
-        return ToolEnds(left_m, right_m, 0.5 * (later_m - earlier_m))
+        aside_m = np.nan
+        if np.isnan(left_m) and np.isnan(right_m):
+            to_right_m, to_left_m = (_near_end_m(side, self.half_m) for side in (across, across[::-1]))
+            aside_m = to_left_m if np.isnan(to_right_m) else -to_right_m
+        return ToolEnds(left_m, right_m, 0.5 * (later_m - earlier_m), aside_m)
 
 
 def _count(sums: FloatArray, at: FloatArray, change_m: FloatArray) -> None:
@@ -261,6 +277,29 @@ def _end_m(outward: FloatArray, half_m: float, clear: Clear = ACROSS) -> float:
         return float("nan")
     # Cells on the end are in the last bin.
     return (best - 0.5) * ACROSS_BIN_M
+
+
+def _near_end_m(towards: FloatArray, half_m: float) -> float:
+    """How far beside the middle of the line work begins that is on one side of it; nan where there is none.
+
+    Args:
+        towards: (bins, 3) sums across the line, from the outside of that side to the other side.
+    """
+    middle = len(towards) // 2
+    reach_m = len(towards) * ACROSS_BIN_M
+    mean_square = towards[:, 2] / np.maximum(towards[:, 0], MIN_BIN_CELLS)
+    for start in range(0, middle, INSIDE_BINS):
+        end_m = start * ACROSS_BIN_M + _end_m(towards[start : middle + BESIDE_BINS], reach_m)
+        if np.isnan(end_m):
+            continue
+        end = round(end_m / ACROSS_BIN_M + 0.5)
+        unchanged = mean_square[end : end + BESIDE_BINS].mean()
+        smooth = np.convolve(mean_square[:end][::-1], np.full(EVEN_BINS, 1.0 / EVEN_BINS), "valid")
+        is_work = (smooth > ACROSS.contrast * unchanged) & (smooth < MAX_CHANGED_TIMES * smooth[0])
+        bins = int(np.argmin(np.append(is_work, False)))
+        if MIN_SEEN_WIDTH < 0.5 * bins * ACROSS_BIN_M / half_m < MAX_SEEN_WIDTH:
+            return max(middle * ACROSS_BIN_M - end_m, 0.0)
+    return float("nan")
 
 
 def _mean(values: FloatArray, weight: FloatArray) -> float:

@@ -46,13 +46,17 @@ def plot_grid(
         InputError: if direction or length are stated neither way or both ways, or the grid is too large.
     """
     if (end_m is None) == (azimuth_deg is None):
-        raise InputError("plots-grid.direction-stated", twice=end_m is not None)
+        fault = Text("The direction of the base line is stated {twice:twice|nowhere}", twice=end_m is not None)
+        raise InputError("plots-grid", fault=fault)
     if end_m is None and grid.length_m is None:
-        raise InputError("plots-grid.length-missing")
+        fault = Text("The length of a plot is not stated, and without the end of the base line it does not follow")
+        raise InputError("plots-grid", fault=fault)
     if grid.by_block and grid.block is None:
-        raise InputError("plots-grid.no-blocks")
+        raise InputError("plots-grid", fault=Text("Numbers begin anew in each block, but there are no blocks"))
     if grid.rows * grid.columns > MAX_PLOTS:
-        raise InputError("plots-grid.many", plots=grid.rows * grid.columns, largest=MAX_PLOTS)
+        count = grid.rows * grid.columns
+        fault = Text("The grid has {count:,} plots, more than {largest:,}", count=count, largest=MAX_PLOTS)
+        raise InputError("plots-grid", fault=fault)
     gaps_m = (grid.columns - 1) * grid.alley_m
     notices: list[Notice] = []
     if end_m is not None:
@@ -61,7 +65,12 @@ def plot_grid(
         along = base / max(scale * measured, 1e-12)
         length_m = grid.length_m if grid.length_m is not None else (measured - gaps_m) / grid.columns
         if length_m <= 0.0:
-            raise InputError("plots-grid.alleys", measured_m=measured, gaps_m=gaps_m)
+            fault = Text(
+                "The corners are {measured_m:.2f} m apart, and the alleys alone take {gaps_m:.2f} m",
+                measured_m=measured,
+                gaps_m=gaps_m,
+            )
+            raise InputError("plots-grid", fault=fault)
         needed = grid.columns * length_m + gaps_m
         if abs(needed - measured) > MAX_MISFIT_M:
             notices.append(Notice("plots-baseline", measured_m=measured, needed_m=needed))
@@ -129,9 +138,10 @@ def read_parcels(
     target: CRS,
     net_inset_m: tuple[float, float] = (0.0, 0.0),
     net: Path | None = None,
-    notices: list[Notice] | None = None,
-) -> tuple[Parcel, ...]:
+) -> tuple[tuple[Parcel, ...], list[Notice]]:
     """The parcels of a vector file, or of a CSV with one row per corner, in map coordinates.
+
+    Notices say what was decided where a file leaves it open.
 
     Coordinates in another CRS than `target` are projected; no datum is changed. Identifiers are those of the first
     column named id, parcel, plot or name, else 1, 2, … in the order of the file; blocks those of a column block or rep.
@@ -144,11 +154,13 @@ def read_parcels(
         net_inset_m: width of the strip between gross and net parcel off each end, and off each side, in metres on the
             ground.
         net: file with the net parcels, under the same identifiers, instead of an inset.
-        notices: gets what was decided where a file leaves it open.
     """
-    decided: list[Notice] = [] if notices is None else notices
-    gross = _read_polygons(path, target, decided)
-    nets = {found.id: found.shape for found in _read_polygons(net, target, decided)} if net is not None else {}
+    gross, notices = _read_polygons(path, target)
+    nets: dict[str, shapely.Polygon] = {}
+    if net is not None:
+        inner_parcels, of_net = _read_polygons(net, target)
+        nets = {found.id: found.shape for found in inner_parcels}
+        notices += of_net
     if net is not None and (differing := {found.id for found in gross} ^ nets.keys()):
         missing = [found.id for found in gross if found.id in differing] + [name for name in nets if name in differing]
         raise InputError(
@@ -177,7 +189,7 @@ def read_parcels(
             net_inset_m=net_inset_m[0],
             net_inset_sides_m=net_inset_m[1],
         )
-    return tuple(parcels)
+    return tuple(parcels), notices
 
 
 def elsewhere_error(path: Path, points: int, box_m: tuple[float, float, float, float]) -> InputError:
@@ -246,12 +258,11 @@ def _label(value: object) -> str:
     return str(value).strip()
 
 
-def _read_polygons(path: Path, target: CRS, notices: list[Notice]) -> list[_GrossParcel]:
+def _read_polygons(path: Path, target: CRS) -> tuple[list[_GrossParcel], list[Notice]]:
     def unreadable(why: Words) -> InputError:
         return InputError("parcels-unreadable", path=path, why=why, formats=VECTOR_FORMATS)
 
     polygons = polygons_on_map(path, target, unreadable)
-    notices += polygons.notices
     columns = {name.casefold(): name for row in reversed(polygons.attributes) for name in row}
     column = next((columns[name] for name in IDS if name in columns), None)
     names = _identifiers(path, polygons.attributes, column)
@@ -261,11 +272,12 @@ def _read_polygons(path: Path, target: CRS, notices: list[Notice]) -> list[_Gros
     for faulty, fault in ((several, Text("several parts")), (crossed, Text("a ring that crosses itself, or no area"))):
         if faulty:
             raise InputError("parcels-invalid", path=path, faulty=list_names(faulty, "parcel"), fault=fault)
-    return [
+    parcels = [
         _GrossParcel(name, shape, _attributes(row, column))
         for (name, shape), row in zip(named, polygons.attributes, strict=True)
         if isinstance(shape, shapely.Polygon)
     ]
+    return parcels, list(polygons.notices)
 
 
 def _identifiers(path: Path, attributes: Sequence[Mapping[str, Any]], column: str | None) -> list[str]:

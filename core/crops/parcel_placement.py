@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import distance_transform_edt
+from scipy.special import ndtr, stdtrit
 from shapely.affinity import translate
 
 from furrowmap.core.readers.areas.rings import pixels_in
@@ -28,10 +29,14 @@ SHIFT_SIGMAS: Final = 5.0
 """Standard errors of the mean over the parcels by which a shifted layer must meet the crop better."""
 FAR_SHIFT_M: Final = 200.0
 """Parcels of a neighbour's field are looked for up to this."""
+ONE_AXIS: Final = ((True, False), (False, True))
+"""Layouts mirrored east to west, and north to south."""
 MAX_CONTRAST_SO: Final = 0.8
 """Share of the contrast elsewhere, or mirrored, which parcels may have as they are stated."""
 MIN_SEEN_SHARE: Final = 0.8
 """Share of the parcels that must be known elsewhere."""
+MIN_KNOWN_SHARE: Final = 0.5
+"""Share of the cells of a parcel, and of the ring around it, that must be known: canopies hide some of the soil."""
 MIN_HEIGHT_SIGMAS: Final = 3.0
 """Stated standard deviations of a parcel's height by which the shift must change it."""
 
@@ -72,16 +77,19 @@ def parcel_shift(
     if not (east_m or north_m):
         return None
     stated, moved = (_contrasts(filled, grid, parcels, by) for by in ((0.0, 0.0), (east_m, north_m)))
+    if not _fits(moved, stated):
+        return None
     height_off_m = _certainly_better(moved - stated, height_sigma_m)
     return ParcelShift(east_m, north_m, height_off_m) if height_off_m else None
 
 
 def parcels_elsewhere(
-    height_m: Float32Array, grid: Grid, parcels: Sequence[Parcel], height_sigma_m: float
+    height_m: Float32Array, grid: Grid, parcels: Sequence[Parcel], height_sigma_m: float, convergence_deg: float
 ) -> ParcelShift | None:
     """Another place, or a mirrored layout, with which parcels stand out that do not as they are stated; None for none.
 
-    `height_m` (rows, columns) is a surface with the crop and the parcels, nan where unknown.
+    `height_m` (rows, columns) is a surface with the crop and the parcels, nan where unknown; `convergence_deg` is that
+    of the meridians there, true heading − grid heading: a layout may be mirrored on the map, or in its longitudes.
     """
     if len(parcels) < MIN_SHIFTED_PARCELS or not np.isfinite(height_m).any():
         return None
@@ -91,27 +99,30 @@ def parcels_elsewhere(
     # Crop that stands where it is stated to stand may have a taller neighbour.
     stands = float(stated.mean()) > SHIFT_SIGMAS * float(stated.std(ddof=1)) / np.sqrt(len(stated))
     found: list[tuple[float, ParcelShift]] = []
-    for mirrored in ((True, False), (False, True), (True, True), *(() if stands else ((False, False),))):
-        turned = _mirrored(parcels, mirrored)
+    layouts = [(mirrored, turn_deg) for mirrored in ONE_AXIS for turn_deg in {0.0, 2.0 * convergence_deg}]
+    layouts += [((True, True), 0.0)] if stands else [((True, True), 0.0), ((False, False), 0.0)]
+    for mirrored, turn_deg in layouts:
+        turned = _mirrored(parcels, mirrored, turn_deg)
         reach_m = MAX_PARCEL_SHIFT_M if any(mirrored) else FAR_SHIFT_M
         by_m = _best_shift(filled, grid, turned, reach_m)
         moved = _contrasts(np.where(known, filled, np.nan), grid, turned, by_m)
         seen = np.isfinite(moved)
         if seen.mean() < MIN_SEEN_SHARE or stated.mean() > MAX_CONTRAST_SO * moved[seen].mean():
             continue
-        if height_off_m := _certainly_better(moved - stated, height_sigma_m):
+        if _fits(moved, stated) and (height_off_m := _certainly_better(moved - stated, height_sigma_m)):
             found.append((float(moved[seen].mean()), ParcelShift(*by_m, height_off_m, mirrored)))
     return max(found, key=lambda one: one[0])[1] if found else None
 
 
-def _mirrored(parcels: Sequence[Parcel], mirrored: tuple[bool, bool]) -> list[Parcel]:
-    """The parcels mirrored about the middle of their extent."""
+def _mirrored(parcels: Sequence[Parcel], mirrored: tuple[bool, bool], turn_deg: float) -> list[Parcel]:
+    """The parcels mirrored about the middle of their extent, and turned anticlockwise."""
     west, south, east, north = shapely.total_bounds([parcel.gross for parcel in parcels]).tolist()
     middle = np.array([0.5 * (west + east), 0.5 * (south + north)])
-    signs = np.where(mirrored, -1.0, 1.0)
+    cos, sin = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
+    by = np.array([[cos, -sin], [sin, cos]]) * np.where(mirrored, -1.0, 1.0)
 
     def turned(shape: shapely.Polygon) -> shapely.Polygon:
-        return shapely.transform(shape, lambda places: middle + signs * (places - middle))
+        return shapely.transform(shape, lambda places: middle + (places - middle) @ by.T)
 
     return [replace(parcel, gross=turned(parcel.gross), net=turned(parcel.net)) for parcel in parcels]
 
@@ -127,6 +138,20 @@ def _best_shift(filled: FloatArray, grid: Grid, parcels: Sequence[Parcel], reach
     near = contrast[middle[0] - rows : middle[0] + rows + 1, middle[1] - columns : middle[1] + columns + 1]
     row, column = np.unravel_index(int(np.argmax(near)), near.shape)
     return float(column - columns) * grid.cell_m, -float(row - rows) * grid.cell_m
+
+
+def _fits(moved_m: FloatArray, stated_m: FloatArray) -> bool:
+    """Whether parcels stand out where they are moved to, by contrasts (n,), nan where unknown, and more than as stated.
+
+    Of thousands of places one meets uneven crop by chance: few parcels must stand out alike, by Student's distribution.
+    Right ones differ from what is around, which may be lower crop or higher one.
+    """
+    moved_m = moved_m[np.isfinite(moved_m)]
+    if len(moved_m) < MIN_SHIFTED_PARCELS:
+        return False
+    sigmas = float(stdtrit(len(moved_m) - 1, ndtr(SHIFT_SIGMAS)))
+    stand_out = moved_m.mean() > sigmas * moved_m.std(ddof=1) / np.sqrt(len(moved_m))
+    return bool(stand_out and np.mean(moved_m**2) > np.mean(np.nan_to_num(stated_m) ** 2))
 
 
 def _certainly_better(better_m: FloatArray, height_sigma_m: float) -> float:
@@ -172,7 +197,7 @@ def _contrast_kernel(parcel: Parcel, grid: Grid) -> FloatArray:
 
 
 def _contrasts(filled: FloatArray, grid: Grid, parcels: Sequence[Parcel], by_m: tuple[float, float]) -> FloatArray:
-    """(n,) mean heights of net parcels over the rings around them, all shifted; nan outside of the surface."""
+    """(n,) mean heights of net parcels over the rings around them, all shifted; nan where little of either is known."""
     out = np.full(len(parcels), np.nan)
     for k, parcel in enumerate(parcels):
         net = translate(parcel.net, *by_m)
@@ -180,6 +205,11 @@ def _contrasts(filled: FloatArray, grid: Grid, parcels: Sequence[Parcel], by_m: 
         inside = pixels_in(net, grid)
         sown = pixels_in(gross, grid)
         ring = pixels_in(shapely.Polygon(gross.buffer(SOIL_RING_M).exterior), grid) & ~sown
-        if inside.any() and ring.any():
-            out[k] = filled[inside].mean() - filled[ring].mean()
+        out[k] = _mean_of_known(filled[inside]) - _mean_of_known(filled[ring])
     return out
+
+
+def _mean_of_known(heights_m: FloatArray) -> float:
+    """Mean of heights (n,); nan where fewer of them than MIN_KNOWN_SHARE are known."""
+    known = heights_m[np.isfinite(heights_m)]
+    return float(known.mean()) if len(known) > MIN_KNOWN_SHARE * len(heights_m) else math.nan

@@ -106,16 +106,17 @@ class SoilRaster:
         """
         if not len(xy_m):
             return np.zeros(0)
-        x, y = xy_m.T if self.change is None else self.change.points(xy_m).T
         dataset = self.raster.dataset
-        column, row = (place - 0.5 for place in self.raster.columns_rows(x, y))
-        size = max(1, 2 * int(0.5 * side_m / float(np.mean(dataset.res))) + 1)
+        column, row = self._cells(xy_m)
+        beside = np.array(self._cells(xy_m[:1] + np.array([[0.0, 0.0], [side_m, 0.0], [0.0, side_m]])))
+        cells_wide = float(np.linalg.norm(beside[:, 1:] - beside[:, :1], axis=0).mean())
+        size = max(1, 2 * int(0.5 * cells_wide) + 1)
         left = int(np.floor(column.min())) - size
         top = int(np.floor(row.min())) - size
         right = int(np.ceil(column.max())) + size + 1
         bottom = int(np.ceil(row.max())) + size + 1
         window = ((max(top, 0), min(bottom, dataset.height)), (max(left, 0), min(right, dataset.width)))
-        out = np.full(len(x), np.nan)
+        out = np.full(len(column), np.nan)
         if window[0][0] >= window[0][1] or window[1][0] >= window[1][1]:
             return out
         cells = self.raster.read_m(*window)
@@ -131,6 +132,12 @@ class SoilRaster:
         enough = share >= 0.25
         out[enough] = base + total[enough] / share[enough]
         return out
+
+    def _cells(self, xy_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Columns and rows (n,) of positions (n, 2) on the map, from the middle of the first cell."""
+        x, y = xy_m.T if self.change is None else self.change.points(xy_m).T
+        column, row = self.raster.columns_rows(x, y)
+        return column - 0.5, row - 0.5
 
 
 @contextmanager

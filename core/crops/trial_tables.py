@@ -14,7 +14,7 @@ from furrowmap.core.crops.parcel_areas import BLOCK_COLUMNS, list_names
 from furrowmap.core.readers.areas.polygons import IDS
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.errors import InputError, Notice, OptionError
 from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.values.parcel import Attribute, Parcel
 
@@ -146,7 +146,7 @@ def day_of(text: str | None) -> dt.date | None:
     try:
         return dt.date.fromisoformat(text) if text is not None else None
     except ValueError:
-        raise UsageError("usage.invalid-day", text=text) from None
+        raise OptionError("--day", text, Text("a day"), "2017-05-23") from None
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ import numpy as np
 from scipy import special, stats
 
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import MissingExtraError
+from furrowmap.core.runtime.languages.texts import Text
 
 SIGNIFICANT_P: Final = 0.05
 """Of a difference: means that share a letter do not differ at this level, over all their pairs."""
@@ -145,7 +146,9 @@ def _statsmodels() -> tuple[Any, Any, Any]:
         from statsmodels.formula.api import ols
         from statsmodels.stats.anova import anova_lm
     except ImportError:
-        raise InputError("extra-missing.trial-statistics") from None
+        raise MissingExtraError(
+            "statsmodels", "trials", Text("The analysis of variance is made by it; the curve needs none.")
+        ) from None
     return pd, ols, anova_lm
 
 

@@ -26,7 +26,7 @@ from furrowmap.core.features.objects import (
     plants,
 )
 from furrowmap.core.features.planes import Plane
-from furrowmap.core.pointclouds.cleaning import SquareSpool, blocks, classified_spool, squares_around
+from furrowmap.core.pointclouds.cleaning import SquareSpool, blocks, chosen, classified_spool, squares_around
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.joined_clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import CLASSED_SHARE
@@ -135,12 +135,12 @@ def _classify_block(
     own = spool.read_squares(block)
     margin = max(MIN_TILE_MARGIN_M, TILE_MARGIN_VOXELS * cell_m)
     low, high = bounds(own["xyz_m"])
-    parts = [own[~(own["noise"] | own["machine"])]]
+    parts = [chosen(own, ~(own["noise"] | own["machine"]))]
     for square in squares_around(block, margin, spool.side_m):
         others = spool.read_squares([square])
         flat = others["xyz_m"][:, :2]
         near = np.all((flat >= low[:2] - margin) & (flat <= high[:2] + margin), axis=1)
-        parts.append(others[near & ~(others["noise"] | others["machine"])])
+        parts.append(chosen(others, near & ~(others["noise"] | others["machine"])))
     if not len(parts[0]):
         return own, FoundFeatures()
     xyz, classes, rgb = (np.concatenate([part[name] for part in parts]) for name in ("xyz_m", "classification", "rgb"))

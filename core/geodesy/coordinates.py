@@ -231,6 +231,8 @@ def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: flo
         return []
     apart = datum_shift_m(base, round(lon_deg, 1), round(lat_deg, 1))
     if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
+        if np.isinf(apart):
+            raise RefusedError("crs-datum.unknown", name=name, base=base.name)
         raise RefusedError("crs-datum", name=name, base=base.name, apart_m=apart, lat_deg=lat_deg, lon_deg=lon_deg)
     if base.name == "JGD2000" and time_s > JGD2000_UNTIL_S:
         return [Notice("datum-superseded", name=name)]

@@ -25,6 +25,8 @@ from furrowmap.core.values.crs import name_of
 
 LOOSE_M: Final = 0.05
 """A worse stated accuracy raises a notice."""
+NO_PROPOSAL: Final = {"is_output": False, "proposal": None}
+"""Values of a refusal whose remedy proposes no CRS of the output."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class CrsChange:
         try:
             moved_x, moved_y = self.transformer.transform(x, y, errcheck=True)
         except ProjError as error:
-            raise RefusedError("crs-change-outside", target=name_of(self.target), error=error) from None
+            raise RefusedError("crs-change-outside", target=name_of(self.target), error=error, **NO_PROPOSAL) from None
         return np.asarray(moved_x, np.float64), np.asarray(moved_y, np.float64)
 
     def points(self, xy: FloatArray) -> FloatArray:
@@ -87,10 +89,15 @@ def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, floa
     if missing:
         needed = "; ".join(dict.fromkeys(grid.short_name for grid in missing[0].grids if not grid.available))
         raise RefusedError(
-            "crs-change-grid", source=name_of(source), target=name_of(target), missing=missing[0].name, needed=needed
+            "crs-change-grid",
+            source=name_of(source),
+            target=name_of(target),
+            missing=missing[0].name,
+            needed=needed,
+            **NO_PROPOSAL,
         )
     if not group.transformers:
-        raise RefusedError("crs-change-unknown", source=name_of(source), target=name_of(target))
+        raise RefusedError("crs-change-unknown", source=name_of(source), target=name_of(target), **NO_PROPOSAL)
     best = group.transformers[0]
     accuracy_m = best.accuracy if best.accuracy is not None and best.accuracy >= 0 else None
     if source.geodetic_crs == target.geodetic_crs:

@@ -451,6 +451,19 @@ AREA_MARGIN_DEG: Final = 1.2
 Norway use UTM zone 32 from 4.9° to 12.7° east, its area of use is 6° to 12°."""
 
 
+def is_in_area(bounds_deg: tuple[float, float, float, float], lon_deg: float, lat_deg: float) -> bool:
+    """Whether a place is in the area of use of a CRS or within its margin.
+
+    Args:
+        bounds_deg: west, south, east and north of the area, which may cross the antimeridian.
+    """
+    west, south, east, north = bounds_deg
+    beyond_west_deg = (lon_deg - west) % 360.0
+    width_deg = (east - west) % 360.0 or 360.0
+    in_longitude = beyond_west_deg <= width_deg + AREA_MARGIN_DEG or beyond_west_deg >= 360.0 - AREA_MARGIN_DEG
+    return in_longitude and south - AREA_MARGIN_DEG <= lat_deg <= north + AREA_MARGIN_DEG
+
+
 @dataclass(frozen=True)
 class MapFrame:
     """The projected CRS of a session, easting first, with the transformations that lead to it.
@@ -531,21 +544,17 @@ class MapFrame:
         if len(lon_deg):
             lon, lat = middle_deg(lon_deg, lat_deg)
             area = (self.named or self.crs).area_of_use
-            if area is not None:
-                east = (lon - area.west) % 360.0
-                width = (area.east - area.west) % 360.0 or 360.0
-                inside = east <= width + AREA_MARGIN_DEG or east >= 360.0 - AREA_MARGIN_DEG
-                if not (inside and area.south - AREA_MARGIN_DEG <= lat <= area.north + AREA_MARGIN_DEG):
-                    raise RefusedError(
-                        "crs-outside-area",
-                        lat=lat,
-                        lon=lon,
-                        name=self.name,
-                        south=area.south,
-                        north=area.north,
-                        west=area.west,
-                        east=area.east,
-                    )
+            if area is not None and not is_in_area(area.bounds, lon, lat):
+                raise RefusedError(
+                    "crs-outside-area",
+                    lat=lat,
+                    lon=lon,
+                    name=self.name,
+                    south=area.south,
+                    north=area.north,
+                    west=area.west,
+                    east=area.east,
+                )
             scale = self.scale(lon, lat)
             if abs(scale - 1.0) > MAX_SCALE_ERROR:
                 raise RefusedError("crs-scale", name=self.name, scale=scale)

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.images.pinhole import project
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.errors import MissingExtraError, Notice, RefusedError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.camera import Camera
 
 PIVOT_ITERATIONS: Final = 12
@@ -162,7 +163,7 @@ class BoardPoses:
 def expect_opencv() -> None:
     """Raise InputError where OpenCV, which looks for boards, is not installed."""
     if find_spec("cv2") is None:
-        raise InputError("extra-missing.opencv")
+        raise MissingExtraError("OpenCV", "photo", Text("Boards are found in images by it."))
 
 
 def find_corners(image: NDArray[np.uint8], board: Board) -> FloatArray | None:

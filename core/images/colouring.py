@@ -50,13 +50,13 @@ class ColourMaker:
             self._count = len(kept)
             self._every = 2 * self._every
 
-    def finish(self, notices: list[Notice], progress: Progress = silent) -> "Colours":
+    def finish(self, progress: Progress = silent) -> "Colours":
         """What colours the points, after stage "reading images"; the maker cannot be used any more.
 
-        A notice names images that cannot be used. Raises OSError if the disk has no room for the images.
+        Raises OSError if the disk has no room for the images.
         """
         visibility = self._visibility.finish()
-        pixels = decode_frames(self._frames, notices, progress)
+        pixels = decode_frames(self._frames, progress)
         samples = np.concatenate([np.zeros((0, 3)), *self._samples])
         count = len(visibility.slack)
         plain = Colours(visibility, pixels, Balance.none(count), np.zeros(count))
@@ -75,20 +75,18 @@ MAX_PIXEL_BYTES: Final = 6_000_000_000
 class FramePixels:
     """Pixels (n, height, width, 3) uint8 of all frames, and which could be read; each is the mean of a square.
 
-    The camera is that of the pixels, `reduction` the side of the squares.
+    The camera is that of the pixels, `reduction` the side of the squares. A notice counts those that are unusable.
     """
 
     camera: Camera
     rgb: NDArray[np.uint8]
     usable: NDArray[np.bool_]
     reduction: int
+    notices: tuple[Notice, ...]
 
 
-def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = silent) -> FramePixels:
-    """Decode all frames, stage "reading images"; raises OSError if the disk has no room for them.
-
-    A notice says how many cannot be read, or have another size.
-    """
+def decode_frames(frames: Frames, progress: Progress = silent) -> FramePixels:
+    """Decode all frames, stage "reading images"; raises OSError if the disk has no room for them."""
     camera = frames.camera
     reduction = 1
     least = min(camera.width, camera.height)
@@ -114,6 +112,7 @@ def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = si
         for k, _ in enumerate(pool.map(decode, range(len(frames)))):
             progress("reading images", (k + 1) / len(frames))
     bad = [fault for fault in faults if fault]
+    notices = []
     if bad:
         notices.append(
             Notice(
@@ -125,7 +124,7 @@ def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = si
                 bad_first=bad[0],
             )
         )
-    return FramePixels(small, rgb, np.array([not fault for fault in faults], bool), reduction)
+    return FramePixels(small, rgb, np.array([not fault for fault in faults], bool), reduction, tuple(notices))
 
 
 TIME_S: Final = 30.0

@@ -79,12 +79,14 @@ class ControlledBlock:
         known: the points that place it.
         left_out: those that contradict them or the poses.
         control_shift_m: (3,) by which all points contradict the poses alike; None where they do not.
+        notices: which points are not seen or do not agree.
     """
 
     adjusted: AdjustedBlock
     known: Known = NOTHING_KNOWN
     left_out: tuple[LeftOutPoint, ...] = ()
     control_shift_m: tuple[float, ...] | None = None
+    notices: tuple[Notice, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -186,34 +188,39 @@ class ImageAid:
         }
 
 
+@dataclass(frozen=True)
+class AidedTrajectory:
+    """A trajectory adjusted by images; as it was, without `aid` and with a notice why, where they do not serve."""
+
+    located: Located
+    aid: ImageAid | None
+    notices: tuple[Notice, ...]
+
+
 def aid_by_images(
     located: Located,
     images: Images,
     camera: Camera,
     scale: float,
     control: ControlPoints | None,
-    notices: list[Notice],
     progress: Progress,
     features: Mapping[ImageFile, ImageFeatures] | None = None,
-) -> tuple[Located, ImageAid | None]:
-    """The trajectory adjusted by images; as it was, with a notice that says why, where they do not serve.
+) -> AidedTrajectory:
+    """The trajectory adjusted by images.
 
     Args:
         images: with the times stated for them.
         scale: metres of the map for a metre on the ground.
         control: surveyed points; None without.
-        notices: what goes wrong is added.
         features: of the images where they are known already; other images are left out.
     """
     if located.pose_errors is None:
-        notices.append(
-            unused(Text("only a trajectory by GNSS and an IMU says how the errors of its poses go together"))
-        )
-        return located, None
-    images = _usable(images, features, camera, located.trajectory, notices)
+        why = Text("only a trajectory by GNSS and an IMU says how the errors of its poses go together")
+        return AidedTrajectory(located, None, (unused(why),))
+    images, notices = _usable(images, features, camera, located.trajectory)
     if len(images) < MIN_IMAGES:
-        notices.append(unused(Text("there are {images} that can be read and have a pose", images=len(images))))
-        return located, None
+        why = Text("there are {images} that can be read and have a pose", images=len(images))
+        return AidedTrajectory(located, None, (*notices, unused(why)))
     exposed_s = images.t_s + camera.shutter_delay_s
     block = ImageBlock(located.trajectory, located.pose_errors(exposed_s), camera, images.t_s, scale)
     try:
@@ -221,26 +228,26 @@ def aid_by_images(
             features = find_features(images.paths, progress)
         ties = _ties(block, [features[path] for path in images.paths], progress)
         if isinstance(ties, Notice):
-            notices.append(ties)
-            return located, None
+            return AidedTrajectory(located, None, (*notices, ties))
         progress("adjusting images", 0.0)
         controlled = ControlledBlock(adjust_block(block, ties))
         if control is not None and doubtful(controlled.adjusted) is None:
-            controlled = with_control(block, controlled.adjusted, control, images, notices)
+            controlled = with_control(block, controlled.adjusted, control, images)
     except (np.linalg.LinAlgError, RuntimeError, ValueError) as error:
-        notices.append(unused(Text("the adjustment failed ({why})", why=reason(error))))
-        return located, None
+        why = Text("the adjustment failed ({why})", why=reason(error))
+        return AidedTrajectory(located, None, (*notices, unused(why)))
     progress("adjusting images", 1.0)
+    notices += controlled.notices
     adjusted = controlled.adjusted
     doubt = doubtful(adjusted)
     if doubt is not None:
-        notices.append(contradicting(doubt))
-        return located, None
+        return AidedTrajectory(located, None, (*notices, contradicting(doubt)))
     notices += camera_notices(adjusted, camera)
     aid = _aid(block, controlled)
     after = PoseErrors(adjusted.found.t_s, np.zeros_like(adjusted.found.value), adjusted.found.covariance)
     kept = notices_beside(located.notices, controlled.known)
-    return replace(located, trajectory=aid.trajectory, notices=kept, pose_errors=lambda _: after), aid
+    used = replace(located, trajectory=aid.trajectory, notices=kept, pose_errors=lambda _: after)
+    return AidedTrajectory(used, aid, tuple(notices))
 
 
 def notices_beside(notices: tuple[Notice, ...], known: Known) -> tuple[Notice, ...]:
@@ -282,8 +289,7 @@ def _usable(
     features: Mapping[ImageFile, ImageFeatures] | None,
     camera: Camera,
     trajectory: Trajectory,
-    notices: list[Notice],
-) -> Images:
+) -> tuple[Images, list[Notice]]:
     """The images that can be read, have the camera's size and were taken within the trajectory."""
     begin_s, end_s = trajectory.span_s
     exposed_s = images.t_s + camera.shutter_delay_s
@@ -296,6 +302,7 @@ def _usable(
     fits = np.zeros(len(images), np.bool_)
     for k in np.flatnonzero(posed).tolist():
         fits[k] = image_size(images.paths[k]) == (camera.width, camera.height)
+    notices = []
     if not fits[posed].all():
         first = images.paths[int(np.flatnonzero(posed & ~fits)[0])].name
         notices.append(
@@ -308,7 +315,7 @@ def _usable(
                 first=first,
             )
         )
-    return images.chosen(np.flatnonzero(fits))
+    return images.chosen(np.flatnonzero(fits)), notices
 
 
 def _ties(block: ImageBlock, features: Sequence[ImageFeatures], progress: Progress) -> Ties | Notice:
@@ -352,23 +359,14 @@ def _well_met(block: ImageBlock, ties: Ties) -> Ties:
     return ties.chosen((meeting_angles(poses, block.camera, ties) > MIN_MEETING_ANGLE_RAD)[ties.point])
 
 
-def with_control(
-    block: ImageBlock, adjusted: AdjustedBlock, control: ControlPoints, images: Images, notices: list[Notice]
-) -> ControlledBlock:
-    """The adjustment with the control points that agree; as it was where there are none.
-
-    Args:
-        adjusted: the block without control points.
-        notices: which points are not seen or do not agree is added.
-    """
+def with_control(block: ImageBlock, adjusted: AdjustedBlock, control: ControlPoints, images: Images) -> ControlledBlock:
+    """The adjustment with the control points that agree; `adjusted`, which is without any, where there are none."""
     views = control_views(control, block, adjusted, images.paths)
     if views is None:
-        notices.append(Notice("control-points-unseen", control=len(control.name)))
-        return ControlledBlock(adjusted)
+        return ControlledBlock(adjusted, notices=(Notice("control-points-unseen", control=len(control.name)),))
     seen, known = views
-    notices += _unseen(control, known, block, adjusted)
     agreement = held_against_poses(block, adjusted, seen, known)
-    notices += control_notices(known.name, agreement)
+    notices = (*_unseen(control, known, block, adjusted), *control_notices(known.name, agreement))
     kept = agreement.kept
     shift_m = None if agreement.shift_m is None else tuple(agreement.shift_m.tolist())
     number = np.bincount(seen.point)
@@ -377,11 +375,11 @@ def with_control(
         for k in np.flatnonzero(~kept).tolist()
     )
     if not kept.any():
-        return ControlledBlock(adjusted, NOTHING_KNOWN, left_out, shift_m)
+        return ControlledBlock(adjusted, NOTHING_KNOWN, left_out, shift_m, notices)
     names = tuple(known.name[k] for k in np.flatnonzero(kept).tolist())
     agreeing = Known(np.arange(len(names)), known.xyz_m[kept], known.sigma_m[kept], names)
     ties, joined = join_views(adjusted.ties, seen.chosen(kept[seen.point]), agreeing)
-    return ControlledBlock(adjust_block(block, ties, joined), joined, left_out, shift_m)
+    return ControlledBlock(adjust_block(block, ties, joined), joined, left_out, shift_m, notices)
 
 
 def _unseen(control: ControlPoints, known: Known, block: ImageBlock, adjusted: AdjustedBlock) -> list[Notice]:

@@ -88,11 +88,12 @@ class Frames:
 
 
 def frames_along(
-    images: Images, camera: Camera, trajectory: Trajectory, scale: float, notices: list[Notice]
-) -> Frames | None:
+    images: Images, camera: Camera, trajectory: Trajectory, scale: float
+) -> tuple[Frames | None, list[Notice]]:
     """The images that were taken at times of a trajectory; None without any, a notice for those without a pose."""
     poses = frame_poses(trajectory, camera, images.t_s, scale)
     known = poses.known
+    notices = []
     if not known.all():
         first = int(np.argmin(known))
         begin_s, end_s = trajectory.span_s
@@ -108,5 +109,5 @@ def frames_along(
             )
         )
     if not known.any():
-        return None
-    return Frames(tuple(images.paths[k] for k in np.flatnonzero(known)), camera, poses.selected(known))
+        return None, notices
+    return Frames(tuple(images.paths[k] for k in np.flatnonzero(known)), camera, poses.selected(known)), notices

@@ -21,11 +21,12 @@ from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.near_scans import NearScan, NearScans
 from furrowmap.core.implement.seen_implement import Hint, Learned, SeenImplement
 from furrowmap.core.implement.states import tool_history
-from furrowmap.core.live.poses import MAX_BRIDGED_S, MAX_CARRIED_S, TRUE_LEVEL_SIGMA, LivePose, LivePoses, TrueLevel
+from furrowmap.core.live.poses import MAX_BRIDGED_S, TRUE_LEVEL_SIGMA, LivePose, LivePoses, TrueLevel
 from furrowmap.core.matching.returns import LEARN_SCANS
 from furrowmap.core.readers.arrived_positions import Kind, log_kind
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.worker_process import end_with_parent
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
@@ -45,6 +46,8 @@ SENT_SCANS: Final = 8
 """Sent at a time to the process that learns: while all of them are pickled, new scans would wait for 0.1 s."""
 GIVES_WAY: Final = 5
 """Niceness of what is worked out beside: with a greedier one it would take minutes where others want the processor."""
+MISSED_S: Final = 1.0
+"""Positions that are missed for longer are said to be missing."""
 STRAIGHT_DEG: Final = 20.0
 """A gap between positions is worked if the tool stayed down in it and the heading changed by less."""
 UNSEEN_APART_S: Final = 5.0
@@ -221,9 +224,9 @@ class LiveSession:
 
     def _missing(self, pose: LivePose | None, state: ToolState) -> tuple[str, ...]:
         """What is not observed."""
-        positions = self._poses.has_positions and (pose is None or pose.position_age_s <= 2.0 * MAX_CARRIED_S)
+        is_late = pose is not None and pose.is_guess and pose.position_age_s > MISSED_S
         missing = {
-            "positions": not positions,
+            "positions": is_late or not self._poses.has_positions,
             "heading": pose is None,
             "direction": pose is not None and not self._poses.direction_is_certain,
             "tilt": pose is not None and not pose.leans,
@@ -288,7 +291,7 @@ class LiveSession:
         implement = self._session.implement
         assert implement is not None
         assert self._near is not None
-        self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), give_way)
+        self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), prepare_worker)
         hint = Hint(implement.xy_m, implement.width_m, implement.region_m, implement.lift_m)
         for first in range(0, len(self._near.scans), SENT_SCANS):
             self._pool.submit(_keep, self._near.scans[first : first + SENT_SCANS])
@@ -319,7 +322,7 @@ class LiveSession:
             pose = self._poses.at(t_s)
             if pose is None:
                 continue
-            if pose.position_age_s > MAX_CARRIED_S:
+            if pose.is_guess:
                 changed |= self._guess_on(pose, states)
                 continue
             changed |= self._forget_guess(begin_s, t_s)
@@ -425,8 +428,9 @@ def _learn_kept(hint: Hint) -> Learned:
     return learn_implement(scans, hint)
 
 
-def give_way() -> None:
-    """A process beside lets all others go first, and leaves Ctrl-C to the one that started it."""
+def prepare_worker() -> None:
+    """A process beside lets all others go first, leaves Ctrl-C to the one that started it, and ends with that one."""
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(GIVES_WAY)

@@ -14,10 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.geodesy.coordinates import transform_track
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.matching.recent_ground import RecentGround
+from furrowmap.core.live.scan_path import KEPT_S, UNSEEN_TURN_RADPS, PathPoint, ScanPath
+from furrowmap.core.matching.recent_ground import Added, RecentGround
 from furrowmap.core.matching.returns import GROUND_GATE_M, GROUND_GATE_SLOPE, LEARN_SCANS, SELF_RANGE_M, ground_height_m
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.trajectory.drive_filter import BRAKES_MPS2, DriveFilter
+from furrowmap.core.trajectory.drive_filter import BRAKES_MPS2, JUMP_SQUARES, DriveFilter, ScannedWay
 from furrowmap.core.trajectory.from_gnss import TILT_SIGMA_DEG
 from furrowmap.core.trajectory.located import lever_arm_m
 from furrowmap.core.trajectory.used_positions import fixes_from_labels, positions_without_steps
@@ -27,14 +28,18 @@ from furrowmap.core.values.rotation import quaternion_to_attitude
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
 
-PATH_S: Final = 15.0
-"""Time over which poses are kept, and over which the noise of positions is estimated."""
 MAX_CARRIED_S: Final = 0.5
-"""Longer after the last position a pose is a guess."""
+MISSED_STEPS: Final = 1.6
+"""Longer after the last position, in seconds and in steps between positions, a pose is a guess."""
+MAX_SCAN_STEP_S: Final = 0.35
+"""Scans further apart do not show the way between them."""
+SHOWN_AFTER_S: Final = 0.05
+"""From so long after the last position on, scans show how far the vehicle goes, once it is certain which way is
+forward: in the wrong direction they would show it as well."""
 MAX_BRIDGED_S: Final = 12.0
 """Across gaps between positions up to this long poses are known, once they are over."""
 STEADY_POSITIONS: Final = 10
-"""Across a gap the vehicle goes on at the mean speed of so many positions before it."""
+"""Where scans do not show the way, the vehicle goes on across a gap at the mean speed of so many positions before."""
 POSE_STEP_S: Final = 0.2
 CATCH_UP: Final = 5
 """Scans from before the start that are looked at with each new one, so that none takes long."""
@@ -43,10 +48,11 @@ START_NOISES: Final = 15.0
 START_WITHIN_S: Final = 4.0
 """Poses are given once positions moved so far, and by so many times their noise, in so short a time."""
 KNOWN_HEADING_DEG: Final = 1.5
-KNOWN_AFTER_M: Final = 2.5
-"""The first pose has a standard deviation of the heading below the one and a way behind it above the other, unless two
-antennas show the heading: others navigate by what is sent, and turns matched to the ground of a few scans err by more
-than is stated."""
+KNOWN_AFTER_M: Final = 1.5
+UNCERTAIN_AFTER_M: Final = 2.5
+"""The first pose has a standard deviation of the heading below the first and a way behind it above the second, or above
+the third while it is not certain which way is forward, unless two antennas show the heading: others navigate by what is
+sent, and turns matched to the ground of a few scans err by more than is stated."""
 STAND_BEFORE_START_M: Final = 0.1
 """Scans from before, while the vehicle stood within this, show the ground best."""
 BETTER: Final = 4.0
@@ -58,12 +64,24 @@ TURN_SIGMA_RAD: Final = np.radians(0.1)
 """Of the turn that a scan shows; it does not add up, because scans are matched to what several before them saw."""
 TURN_WALK: Final = np.radians(0.1)
 """Of the sum of the turns after a second."""
-UNSEEN_TURN_RADPS: Final = np.radians(10.0)
-"""A rate of turn that no scan shows."""
 MOVE_SIGMA: Final = np.array([0.01, 0.01, 0.05, 0.01, 0.01, 0.02])
 """Of what is expected of a scan: place and height (m), turns about the axes (rad)."""
-LOST_STEP_SIGMA_M: Final = 0.05
-"""The same for the place without positions, where the vehicle may have stopped."""
+LOST_SIGMAS: Final = np.array([0.05, 0.05, *MOVE_SIGMA[2:]])
+"""The same without positions, where the vehicle may have stopped and scans do not show how far it goes."""
+LOST_ACCELERATION: Final = 0.5
+"""Change of the speed after a second without positions (m/s, one standard deviation), before scans show it."""
+LOST_SIGMA: Final = 0.1
+"""Of the speed by which a gap between positions begins (m/s)."""
+SHOWN_SIGMA_M: Final = 0.010
+"""Ground that shows the way of a scan worse than this is too smooth: noise would show it as well."""
+CONTRADICTED: Final = 12.0
+CONTRADICTION_SHARE: Final = 0.2
+"""Positions whose squared deviations from the way by scans are above the one, in a mean that each has the other in,
+show that the scans are matched to wrong ground."""
+DOUBTED_SIGMA_M: Final = 0.2
+"""By which scans count as showing the way from then on, until their own are seen again."""
+WAY_SHARE: Final = 0.1
+"""Of a scan in the mean of how well scans show the way."""
 MAX_CORRECTION_M: Final = 0.05
 """Steps of the positions beyond it, as of another quality, do not move the recent ground."""
 PLANE_RANGE_M: Final = (SELF_RANGE_M[0], 9.0)
@@ -99,6 +117,7 @@ class LivePose:
         position_age_s: time since the last position that went into it.
         fix: of that position.
         leans: whether the ground shows roll and pitch; else the vehicle is taken as level.
+        is_guess: whether positions are missing: the last one is older than half a second, and than they usually get.
     """
 
     t_s: float
@@ -110,6 +129,7 @@ class LivePose:
     position_age_s: float
     fix: Fix
     leans: bool
+    is_guess: bool
 
     @property
     def attitude_deg(self) -> tuple[float, float, float]:
@@ -191,7 +211,7 @@ class LivePoses:
             old = old[old.t_s < new.t_s[0]]
             columns = {name: np.concatenate([getattr(old, name), getattr(new, name)]) for name in GnssTrack.columns()}
             new = GnssTrack.build(source=new.source, service=new.service, **columns)
-        self._track = new[new.t_s > new.t_s[-1] - PATH_S]
+        self._track = new[new.t_s > new.t_s[-1] - KEPT_S]
 
     def add_scan(self, scan: Scan) -> LivePose | None:
         """Add a scan; gives its pose, None while positions do not show the heading."""
@@ -206,12 +226,13 @@ class LivePoses:
         now, self._first = (self._first[:CATCH_UP], self._first[CATCH_UP:]) if self._drives else ([], self._first)
         for each in now:
             for drive in self._drives:
-                drive.add(each, positions)
+                drive.add(each, positions, is_certain=len(self._drives) == 1)
             self._choose()
         pose = self.at(_middle_s(scan)) if not self._first else None
         if pose is not None and pose.sigma[5] < KNOWN_HEADING_DEG:
             by_antennas = positions is not None and bool(np.isfinite(positions.yaw_rad[-1]))
-            self._heading_known |= by_antennas or abs(self._drives[0].way_m) > KNOWN_AFTER_M
+            least_m = KNOWN_AFTER_M if self.direction_is_certain else UNCERTAIN_AFTER_M
+            self._heading_known |= by_antennas or abs(self._drives[0].way_m) > least_m
         return pose if self._heading_known else None
 
     def at(self, t_s: float) -> LivePose | None:
@@ -271,7 +292,9 @@ class LivePoses:
 
 
 class _Drive:
-    """A drive that began in one direction: the turns by the scans, and what the filter makes of them and of positions.
+    """A drive that began in one direction: the path by the scans, and what the filter makes of it and of positions.
+
+    Where positions are missing, the speed follows from the path.
 
     Args:
         ground: on which nothing was seen so far.
@@ -310,13 +333,17 @@ class _Drive:
         slope = level.slope if level is not None else np.zeros(2)
         mean = np.array([*place, 0.0, speed_mps, *slope, *np.zeros(3)])
         self._filter = DriveFilter(t_s, mean, yaw_rad, 0.0, level.sigma if level is not None else 0.0)
-        # Of scans: time, sum of the turns, its variance, place on the ground's cells (3), upward direction (2), place
-        # on the map (2).
-        self._turns = np.array([[t_s, yaw_rad, 0.0, 0.0, 0.0, 0.0, *up, *place[:2]]])
-        self._turn_radps = 0.0
+        self._path = ScanPath(t_s, PathPoint(yaw_rad, 0.0, np.zeros(3), 0.0, up))
+        self._on_map_m = place[:2]  # at the end of the path
+        self._lost = (0.0, 0.0)  # covariance of place and speed (m²/s), variance of the speed (m²/s²)
         self._matched_s = -np.inf
+        self._step_s = 0.0  # usual one between positions
+        self._shows_way = False
+        self._contradiction = 0.0  # of the way by scans by positions: squared deviation, a mean of the last ones
+        self._way_sigma_m = np.inf  # by which a scan shows how far the vehicle went, a mean of the last ones
         self.known = np.zeros((0, 16))
-        self.residual_m = self.way_m = self.speed_mps = 0.0
+        self.residual_m = self.way_m = 0.0
+        self.speed_mps = speed_mps
 
     @property
     def level(self) -> TrueLevel:
@@ -324,12 +351,20 @@ class _Drive:
         sigma = float(np.sqrt(np.diag(self._filter.covariance)[5:7].max()))
         return TrueLevel(self._filter.mean[5:7].copy(), sigma)
 
-    def add(self, scan: Scan, positions: Positions | None) -> None:
-        """Add a scan, and the positions up to it."""
+    def add(self, scan: Scan, positions: Positions | None, *, is_certain: bool) -> None:
+        """Add a scan, and the positions up to it; whether the direction of the drive is certain."""
+        if positions is not None:
+            self._step_s = float(np.median(np.diff(positions.t_s)))
+        self._shows_way = is_certain and self._way_sigma_m < SHOWN_SIGMA_M
+        is_far = _middle_s(scan) - self._path.end_s > MAX_SCAN_STEP_S
         self._add_turn(scan)
         if positions is not None:
-            for k in np.flatnonzero((positions.t_s > self._taken_s) & (positions.t_s <= self._turns[-1, 0])).tolist():
+            for k in np.flatnonzero((positions.t_s > self._taken_s) & (positions.t_s <= self._path.end_s)).tolist():
                 self._take(positions, k)
+        if is_far:
+            self._way_sigma_m = DOUBTED_SIGMA_M
+            self.speed_mps = float(self._filter.mean[4])
+            self._lost = (0.0, float(self._filter.covariance[4, 4]))
 
     def at(self, t_s: float) -> LivePose | None:
         """The pose at a time, None if unknown."""
@@ -338,34 +373,49 @@ class _Drive:
         if k < 0:
             return None
         row = known[k]
-        ahead_s = t_s - float(known[k, 0])
-        turned, variance, height_m, up = self._turned(t_s)
-        _, variance_before, height_before_m, _ = self._turned(float(row[0]))
-        if k + 1 < len(known):
-            share = ahead_s / float(known[k + 1, 0] - row[0])
-            if known[k + 1, 0] - row[0] > MAX_BRIDGED_S:
-                return None
-            row = np.append(row[:8] + share * (known[k + 1, :8] - row[:8]), row[8:])
-            ahead_s = 0.0
-        yaw = turned + float(row[4])
+        ahead_s = t_s - float(row[0])
+        age_s = ahead_s
+        point = self._path.at(t_s, self.speed_mps)
+        before = self._path.at(float(row[0]), self.speed_mps)
         speed = float(row[5])
-        slope = row[6:8]
-        if ahead_s > MAX_CARRIED_S:
-            speed = float(known[max(0, k - STEADY_POSITIONS) :, 5].mean())
-        steps = np.linspace(t_s - ahead_s, t_s, 2 + int(ahead_s / POSE_STEP_S))
-        yaws = np.array([self._turned(t)[0] for t in (0.5 * (steps[1:] + steps[:-1])).tolist()]) + row[4]
-        moved = speed * np.diff(steps) @ np.column_stack([np.cos(yaws), np.sin(yaws)])
-        height = float(row[3] + moved @ slope + (height_m - height_before_m if ahead_s else 0.0))
-        sigma_yaw = float(np.sqrt(row[13] ** 2 + TURN_SIGMA_RAD**2 + max(0.0, variance - variance_before)))
-        moved_m = np.hypot(row[14] * ahead_s, 0.5 * BRAKES_MPS2 * ahead_s**2) + sigma_yaw * abs(speed) * ahead_s
+        moved = np.zeros(3)
+        moved_sigma_m = 0.0
+        if k + 1 < len(known):
+            after = known[k + 1]
+            gap_s = float(after[0] - row[0])
+            if gap_s > MAX_BRIDGED_S:
+                return None
+            share = age_s / gap_s
+            age_s = 0.0
+            if self._scans_show(float(row[0]), float(after[0])):
+                end = self._path.at(float(after[0]), self.speed_mps)
+                whole = self._way(before, end, row)
+                moved = self._way(before, point, row) - share * whole
+                moved_sigma_m = np.sqrt((end.place_variance - before.place_variance) * share * (1.0 - share))
+            row = np.append(row[:8] + share * (after[:8] - row[:8]), row[8:])
+            speed = float(row[5])
+        elif self._scans_show(float(row[0]), t_s):
+            moved = self._way(before, point, row)
+            moved_sigma_m = np.sqrt((row[14] * SHOWN_AFTER_S) ** 2 + point.place_variance - before.place_variance)
+            speed = self.speed_mps
+        else:
+            if ahead_s > MAX_CARRIED_S:
+                speed = float(known[max(0, k - STEADY_POSITIONS) :, 5].mean())
+            moved = self._way_at_speed(float(row[0]), t_s, speed, row)
+            moved[2] += float(point.place_m[2] - before.place_m[2]) if ahead_s else 0.0
+            moved_sigma_m = np.hypot(row[14] * ahead_s, 0.5 * BRAKES_MPS2 * ahead_s**2)
+        yaw = point.yaw_rad + float(row[4])
+        variance = max(0.0, point.yaw_variance - before.yaw_variance)
+        sigma_yaw = float(np.sqrt(row[13] ** 2 + TURN_SIGMA_RAD**2 + variance))
+        moved_sigma_m = np.hypot(moved_sigma_m, sigma_yaw * float(np.hypot(*moved[:2])))
         leans = t_s - self._matched_s < MAX_CARRIED_S
         roll_deg, pitch_deg = (float(np.degrees(np.hypot(s, SWAY_SIGMA_RAD))) for s in row[11:13])
         sway_m = SWAY_SIGMA_RAD * abs(float(self._lever_m[2]))
-        east, north = (float(np.sqrt(s**2 + moved_m**2 + sway_m**2)) for s in row[8:10])
+        east, north = (float(np.sqrt(s**2 + moved_sigma_m**2 + sway_m**2)) for s in row[8:10])
         return LivePose(
             t_s,
-            (float(row[1] + moved[0]), float(row[2] + moved[1]), height),
-            _attitude(slope, yaw, up),
+            (float(row[1] + moved[0]), float(row[2] + moved[1]), float(row[3] + moved[2])),
+            _attitude(row[6:8], yaw, point.up),
             (
                 east,
                 north,
@@ -375,79 +425,146 @@ class _Drive:
                 float(np.degrees(sigma_yaw)),
             ),
             speed,
-            self._turn_radps if abs(speed) > STANDING_MPS else 0.0,
-            ahead_s,
+            self._path.turn_radps if abs(speed) > STANDING_MPS else 0.0,
+            age_s,
             Fix(int(row[15])),
             leans,
+            age_s > max(MAX_CARRIED_S, MISSED_STEPS * self._step_s),
         )
 
-    def _turned(self, t_s: float) -> tuple[float, float, float, FloatArray]:
-        """The sum of the scans' turns at a time, its variance, height on the cells and upward direction (2,)."""
-        turns = self._turns
-        after_s = max(0.0, t_s - float(turns[-1, 0]))
-        yaw, variance, height, x, y = (float(np.interp(t_s, turns[:, 0], turns[:, k])) for k in (1, 2, 5, 6, 7))
-        yaw += self._turn_radps * min(after_s, 1.0)
-        return yaw, variance + (UNSEEN_TURN_RADPS * after_s) ** 2, height, np.array([x, y])
+    def _scans_show(self, begin_s: float, end_s: float) -> bool:
+        """Whether scans show the way between two times better than the speed before does."""
+        is_dense = self._shows_way and self._path.longest_step_s(begin_s, end_s) < MAX_SCAN_STEP_S
+        return is_dense and end_s - begin_s > SHOWN_AFTER_S
+
+    def _way(self, begin: PathPoint, end: PathPoint, row: FloatArray) -> FloatArray:
+        """(3,) on the map between two points of the path, with the yaw and the level of a row of `known`."""
+        on_cells = end.place_m - begin.place_m
+        plan = _plan_turn(float(row[4])) @ on_cells[:2]
+        return np.array([*plan, plan @ row[6:8] + on_cells[2]])
+
+    def _way_at_speed(self, begin_s: float, end_s: float, speed_mps: float, row: FloatArray) -> FloatArray:
+        """(3,) on the map with the yaw and the level of a row of `known`, without climbs that scans show."""
+        steps = np.linspace(begin_s, end_s, 2 + int((end_s - begin_s) / POSE_STEP_S))
+        yaws = np.array([self._path.at(t).yaw_rad for t in (0.5 * (steps[1:] + steps[:-1])).tolist()]) + row[4]
+        plan = speed_mps * np.diff(steps) @ np.column_stack([np.cos(yaws), np.sin(yaws)])
+        return np.array([*plan, plan @ row[6:8]])
 
     def _add_turn(self, scan: Scan) -> None:
         """Match a scan to the ground of the last metres."""
         t_s = _middle_s(scan)
-        last = self._turns[-1]
-        step_s = t_s - float(last[0])
+        last = self._path.at(self._path.end_s)
+        step_s = t_s - self._path.end_s
         if step_s <= 0.0:
             return
-        yaw, _, height, up = self._turned(t_s)
+        expected = self._path.at(t_s, self.speed_mps)
         pose = self.at(t_s)
+        is_far = step_s > MAX_SCAN_STEP_S
+        shown = self._shows_way and not is_far
+        lost = pose is None or pose.position_age_s > (SHOWN_AFTER_S if shown else MAX_CARRIED_S)
         self.speed_mps = pose.speed_mps if pose is not None else float(self._filter.mean[4])
         self.way_m += self.speed_mps * step_s
-        velocity = self.speed_mps * _direction(yaw)
-        step = velocity * step_s
-        on_map = last[8:]
-        lost = True
-        if pose is not None:
-            lost = pose.position_age_s > MAX_CARRIED_S
+        ahead = _direction(expected.yaw_rad)
+        step = self.speed_mps * step_s * ahead
+        common, variance = self._lost
+        if lost:
+            variance += LOST_ACCELERATION**2 * step_s
+        elif pose is not None:
+            common = 0.0
+            variance = LOST_SIGMA**2
             on_map = np.array(pose.xyz_m[:2])
-            back = yaw - float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
-            by_positions = np.array([_direction(back), _direction(back + 0.5 * np.pi)]).T @ (on_map - last[8:])
-            step = by_positions if not lost and np.hypot(*(by_positions - step)) < MAX_CORRECTION_M else step
-        place = np.array([*(last[3:5] + step), height])
-        rotation = _attitude(np.zeros(2), yaw, up)
-        sigma = np.where(np.arange(6) < 2, LOST_STEP_SIGMA_M, MOVE_SIGMA) if lost else MOVE_SIGMA
-        moved = self._ground.move(scan, place, rotation, np.array([*velocity, self._turn_radps]), sigma)
+            back = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0])) - expected.yaw_rad
+            by_positions = _plan_turn(back).T @ (on_map - self._on_map_m)
+            step = by_positions if np.hypot(*(by_positions - step)) < MAX_CORRECTION_M else step
+        if pose is not None:
+            self._on_map_m = np.array(pose.xyz_m[:2])
+        place = np.array([*(last.place_m[:2] + step), expected.place_m[2]])
+        rotation = _attitude(np.zeros(2), expected.yaw_rad, expected.up)
+        sigma_m = float(np.sqrt(variance)) * step_s
+        if not lost:
+            sigma = MOVE_SIGMA
+        elif shown:
+            sigma = np.array([sigma_m, sigma_m, *MOVE_SIGMA[2:]])
+        else:
+            sigma = LOST_SIGMAS
+        velocity = np.array([*(self.speed_mps * ahead), self._path.turn_radps])
+        added: Added = "expected"
+        if lost and shown:
+            added = "found" if pose is not None and pose.position_age_s < MAX_CARRIED_S else "found-new"
+        moved = self._ground.move(scan, place, rotation, velocity, sigma, added=added)
+        yaw = expected.yaw_rad
+        up = expected.up
+        unseen = 1.0
         if moved is None:
-            self._turn_radps *= 0.5
-            variance = (UNSEEN_TURN_RADPS * step_s) ** 2
+            self._path.turn_radps *= 0.5
+            yaw_variance = (UNSEEN_TURN_RADPS * step_s) ** 2
+            self.residual_m = 0.0
         else:
             turn_rad = float(moved.turn_rad[2])
-            yaw = yaw + turn_rad
+            yaw += turn_rad
             self._matched_s = t_s
-            place += moved.shift_m if lost else [0.0, 0.0, moved.shift_m[2]]
+            place[2] += moved.shift_m[2]
             level = rotation.T @ np.array([-moved.turn_rad[1], moved.turn_rad[0], 1.0])
             up = level[:2] / level[2]
-            variance = TURN_WALK**2 * step_s + max(0.0, moved.sigma_rad**2 - TURN_SIGMA_RAD**2)
-            self._turn_radps += 0.9 * turn_rad / step_s
-        self.residual_m = moved.residual_m if moved is not None else 0.0
-        row = [t_s, yaw, float(last[2]) + variance, *place, *up, *on_map]
-        self._turns = np.vstack([self._turns[self._turns[:, 0] > t_s - PATH_S], row])
+            yaw_variance = TURN_WALK**2 * step_s + max(0.0, moved.sigma_rad**2 - TURN_SIGMA_RAD**2)
+            self._path.turn_radps += 0.9 * turn_rad / step_s
+            self.residual_m = moved.residual_m
+            unseen = float(ahead @ moved.covariance_m2 @ ahead) / sigma[0] ** 2
+            way_sigma_m = float(sigma[0] * np.sqrt(unseen / max(1.0 - unseen, 1e-9)))
+            before_m = self._way_sigma_m if np.isfinite(self._way_sigma_m) else way_sigma_m
+            self._way_sigma_m = before_m + WAY_SHARE * (way_sigma_m - before_m)
+            if lost:
+                place[:2] += moved.shift_m[:2]
+            if lost and shown:
+                self.speed_mps += float(moved.shift_m[:2] @ ahead) / step_s
+            elif not shown:
+                unseen = 1.0
+        # The step's error is that of the speed, as far as the scan does not show it.
+        place_variance = last.place_variance
+        if lost:
+            place_variance += (2.0 * common * step_s + sigma_m**2) * unseen
+            common = common * unseen + sigma_m**2 * unseen / step_s
+            variance *= unseen
+        self._lost = (common, variance)
+        self._path.add(t_s, PathPoint(yaw, last.yaw_variance + yaw_variance, place, place_variance, up))
+
+    def _scanned_way(self, end: PathPoint) -> ScannedWay | None:
+        """The way from the last position on, if it was so long ago that scans had to show it."""
+        begin_s = float(self.known[-1, 0]) if len(self.known) else np.inf
+        if not self._scans_show(begin_s, self._taken_s):
+            return None
+        begin = self._path.at(begin_s)
+        way_m = (end.place_m - begin.place_m)[:2]
+        variance = end.place_variance - begin.place_variance
+        return ScannedWay(way_m, float(np.sqrt(variance)), self.speed_mps, float(np.sqrt(self._lost[1])))
 
     def _take(self, positions: Positions, k: int) -> None:
         """Let the filter take a position."""
         state = self._filter
         t_s = self._taken_s = float(positions.t_s[k])
-        turned, variance, height_m, up = self._turned(t_s)
-        state.predict(t_s, turned, variance, height_m)
-        arm = _attitude(state.mean[5:7], turned + float(state.mean[3]), up) @ self._lever_m
+        point = self._path.at(t_s, self.speed_mps)
+        turned = point.yaw_rad
+        scanned = self._scanned_way(point)
+        state.predict(t_s, turned, point.yaw_variance, float(point.place_m[2]), scanned)
+        arm = _attitude(state.mean[5:7], turned + float(state.mean[3]), point.up) @ self._lever_m
         sway_m = SWAY_SIGMA_RAD * abs(float(self._lever_m[2])) * np.array([1.0, 1.0, 0.0])
         white_m = np.hypot(positions.white_m[k], sway_m)
-        state.take(positions.xyz_m[k], arm, white_m, positions.drift_m[k], int(positions.fix[k]))
+        squares = state.take(positions.xyz_m[k], arm, white_m, positions.drift_m[k], int(positions.fix[k]))
         if np.isfinite(positions.yaw_rad[k]):
             state.take_yaw(float(positions.yaw_rad[k]) - turned)
         mean = state.mean
+        if scanned is not None:
+            self.speed_mps += float(mean[4]) - scanned.speed_mps
+            self._lost = (0.0, float(state.covariance[4, 4]))
+            self._contradiction += CONTRADICTION_SHARE * (min(squares, JUMP_SQUARES) - self._contradiction)
+        if self._contradiction > CONTRADICTED:
+            self._contradiction = 0.0
+            self._way_sigma_m = DOUBTED_SIGMA_M
         sigma = np.sqrt(np.diag(state.covariance))
         ahead = _direction(turned + float(mean[3]))
         tilts = [a @ state.covariance[5:7, 5:7] @ a for a in (np.array([-ahead[1], ahead[0]]), ahead)]
         row = [t_s, *mean[:7], *sigma[:3], *np.sqrt(tilts), *sigma[3:5], float(positions.fix[k])]
-        self.known = np.vstack([self.known[self.known[:, 0] > t_s - PATH_S], row])
+        self.known = np.vstack([self.known[self.known[:, 0] > t_s - KEPT_S], row])
 
 
 def _upright_on(scans: list[Scan], rotation: FloatArray, sensor_m: FloatArray) -> FloatArray:
@@ -473,6 +590,12 @@ def _attitude(slope: FloatArray, yaw_rad: float, up: FloatArray) -> FloatArray:
 
 def _middle_s(scan: Scan) -> float:
     return 0.5 * float(scan.t_s[0] + scan.t_s[-1])
+
+
+def _plan_turn(yaw_rad: float) -> FloatArray:
+    """(2, 2) counter-clockwise rotation."""
+    ahead = _direction(yaw_rad)
+    return np.array([[ahead[0], -ahead[1]], [ahead[1], ahead[0]]])
 
 
 def _direction(yaw_rad: float) -> FloatArray:

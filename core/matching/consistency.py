@@ -380,7 +380,8 @@ def check_consistency(adjusted: Adjusted, ground: GroundTilt) -> Seen:
     stated = np.sqrt((sigma_m[:whole] ** 2).reshape(-1, many).sum(axis=1) * KNOT_STEP_S / SLIP_EVERY_S)
     stated = np.hypot(stated, SLIP_FLOOR_M)
     knot, _, inside = knots.at(positions.t_s)
-    drift = state[GNSS_DRIFT][knot[inside]] / positions.drift_m[inside]
+    begin_m = positions.drift_m[np.searchsorted(positions.run, positions.run)]
+    drift = state[GNSS_DRIFT][knot[inside]] / np.maximum(positions.drift_m, begin_m)[inside]
     slip = _rms(sideways / stated)
     slow = adjusted.slow_errors
     return Seen(

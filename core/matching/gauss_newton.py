@@ -89,22 +89,26 @@ def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, fre
     state = it.state
     every = max(COARSE_EVERY, -(-len(knots) // MAX_COARSE))
     coarse = CoarseKnots.over(knots, every, SESSION_PATCH_M) if free else None
+    centre = coarse.centres(knots, state) if coarse is not None else np.zeros((0, 3))
+
+    def without_lidar() -> tuple[NormalEquations, NormalEquations | None]:
+        held = normal_equations(it.observations, knots, state)
+        return held, coarse_equations(held, coarse, centre, state, 1) if coarse is not None else None
+
     placing = it.placing(problem)
     portions = blocks(placing.returns.t_s, knots, thin, placing.unused)
     correlated = _correlated(it)
     with ThreadPoolExecutor(1) as pool:
-        before = pool.submit(normal_equations, it.observations, knots, state)
+        before = pool.submit(without_lidar)
         beside = pool.submit(register_wall_session, placing, correlated, coarse, thin)
         ground = register_to_surface(placing, portions, session_surface(placing, portions, cell_m), it.relief, coarse)
-        held = before.result()
+        held, prior = before.result()
         walls = beside.result()
-    if coarse is None:
+    if coarse is None or prior is None:
         _add_lidar(problem, it, held, ground, walls)
         step = _solved(problem, it, held)
         last = replace(it.last, held=held) if it.last is not None else None
         return replace(_moved(problem, it, step, ground, walls), last=last), _tilt(step)
-    centre = coarse.centres(knots, state)
-    prior = coarse_equations(held, coarse, centre, state, 1)
     _add_lidar(problem, it, held, ground, walls)
     equations = coarse_equations(held, coarse, centre, state, coarse.count)
     _free_references(equations, centre, ground, walls)

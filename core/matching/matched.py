@@ -389,6 +389,7 @@ def match_notices(adjusted: Adjusted, used: Mounting, unheld: Sequence[Span] = (
         unheld: times whose scans no positions hold.
     """
     assumed = adjusted.problem.lever_m.any() and not adjusted.facing.shown and not adjusted.sway.known
+    lever = [LEVER_ASSUMED] if assumed else []
     stated = adjusted.problem.mounting
     mounting = mounting_notices(adjusted.calibration, adjusted.facing, stated, used)
     unbridged = adjusted.unbridged
@@ -396,7 +397,7 @@ def match_notices(adjusted: Adjusted, used: Mounting, unheld: Sequence[Span] = (
     found = adjusted.slow_errors
     unchecked = not (found.checked or adjusted.sway.off) and found.times == (1.0, 1.0)
     slow = [slow_errors_unchecked(adjusted.problem.positions)] if unchecked else []
-    return (*unheld_notices(unheld), *gaps, *mounting, *([LEVER_ASSUMED] if assumed else []), *slow)
+    return (*adjusted.problem.notices, *unheld_notices(unheld), *gaps, *mounting, *lever, *slow)
 
 
 def slow_errors_unchecked(positions: Positions) -> Notice:

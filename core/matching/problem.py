@@ -26,6 +26,7 @@ from furrowmap.core.matching.session_registration import WallRegistration
 from furrowmap.core.matching.yaw_ambiguity import Facing
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.vehicle_motion import longest_gap_s
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.rotation import Mounting
@@ -51,6 +52,7 @@ class Problem:
         origin_m: (3,) local origin.
         outages_s: times without positions, see :func:`outages`.
         slow: whether the slow errors of the positions are larger than stated.
+        notices: about steps of the positions.
     """
 
     returns: GroundReturns
@@ -64,6 +66,7 @@ class Problem:
     observations: tuple[Observation, ...]
     outages_s: tuple[Span, ...]
     slow: bool = False
+    notices: tuple[Notice, ...] = ()
 
     @classmethod
     def from_session(

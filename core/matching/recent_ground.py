@@ -1,7 +1,7 @@
 """The ground of the last metres round the vehicle, and how far each scan turned and moved on it."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -25,6 +25,8 @@ GATE_M: Final = 0.15
 MEMORY: Final = 20.0
 """Returns of which a cell keeps the mean: soil that was tilled since is forgotten."""
 MIN_IN_CELL: Final = 3.0
+KNOWN: Final = 6.0
+"""Returns of a cell to which no more are added while the place is searched for."""
 STEEPEST: Final = 0.4
 """Steeper neighbours are the feet of posts, not relief."""
 TURN_ROUNDS: Final = 5
@@ -33,8 +35,11 @@ TRIED_RAD: Final = np.radians(0.8)
 """So many turns to either side are tried, so far apart: on the wrong one relief does not show the way."""
 CLIPPED_M: Final = 0.04
 MIN_MATCHED: Final = 300
+Added: TypeAlias = Literal["expected", "found", "found-new"]
+"""Where a scan is added to the ground, see :meth:`RecentGround.move`."""
 ADD_SHIFT: Final = np.array([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
-"""Scans are added where positions have them: where they are matched they would pull towards no motion."""
+"""Where positions hold the place, scans are added there: where they are matched, smooth ground would pull them towards
+no motion."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +50,14 @@ class ScanTurn:
         shift_m: (3,) along the axes of the map.
         turn_rad: (3,) about them, counter-clockwise.
         sigma_rad: standard deviation of the last of the turns.
+        covariance_m2: (2, 2) of the shift in plan.
         residual_m: RMS of the heights on the ground before.
     """
 
     shift_m: FloatArray
     turn_rad: FloatArray
     sigma_rad: float
+    covariance_m2: FloatArray
     residual_m: float
 
 
@@ -65,7 +72,14 @@ class RecentGround:
         self._keys = np.full((SIDE_CELLS, SIDE_CELLS, 2), np.iinfo(np.int32).min, np.int32)
 
     def move(
-        self, scan: Scan, place_m: FloatArray, rotation: FloatArray, velocity: FloatArray, sigma: FloatArray
+        self,
+        scan: Scan,
+        place_m: FloatArray,
+        rotation: FloatArray,
+        velocity: FloatArray,
+        sigma: FloatArray,
+        *,
+        added: Added = "expected",
     ) -> ScanTurn | None:
         """Find a scan on the ground so far, and add it there.
 
@@ -74,6 +88,8 @@ class RecentGround:
             rotation: (3, 3) vehicle to map, expected then.
             velocity: (3,) along the map's axes, and the rate of turn in rad/s.
             sigma: (6,) standard deviations of what is expected: place, height, turns about the three axes.
+            added: whether the scan is added where it was expected in plan or where it was found; or there to ground
+                only that few returns have shown, as over a long time without positions it would take the ground along.
 
         Returns:
             None while too little of the ground was seen before.
@@ -91,11 +107,13 @@ class RecentGround:
         )
         self._last_s = middle_s
         found, normal, used, squares = _matched(points, place_m, self._cells, self._keys, 1.0 / sigma**2)
-        _add(points, place_m, found * ADD_SHIFT, self._cells, self._keys)
+        shift = found * ADD_SHIFT if added == "expected" else found
+        _add(points, place_m, shift, self._cells, self._keys, KNOWN if added == "found-new" else np.inf)
         if used < MIN_MATCHED:
             return None
-        sigma_rad = float(np.sqrt(np.linalg.inv(normal)[5, 5]))
-        return ScanTurn(found[:3], found[3:], sigma_rad, float(np.sqrt(squares / used)))
+        covariance = np.linalg.inv(normal)
+        sigma_rad = float(np.sqrt(covariance[5, 5]))
+        return ScanTurn(found[:3], found[3:], sigma_rad, covariance[:2, :2], float(np.sqrt(squares / used)))
 
 
 @kernel()
@@ -255,8 +273,8 @@ def _matched_from(turn, points, place_m, cells, keys, prior):  # type: ignore[no
 
 
 @kernel()
-def _add(points, place_m, found, cells, keys):  # type: ignore[no-untyped-def]
-    """Add returns to the means of their cells."""
+def _add(points, place_m, found, cells, keys, known):  # type: ignore[no-untyped-def]
+    """Add returns to the means of their cells, but not of those of which so many are known."""
     for i in range(len(points)):
         x, y, z = _moved(points[i], found)
         column = int(np.floor((x + place_m[0]) / RECENT_CELL_M))
@@ -273,6 +291,8 @@ def _add(points, place_m, found, cells, keys):  # type: ignore[no-untyped-def]
             key[1] = line
             cell[0] = z
             cell[1] = 1.0
+        elif cell[1] > known:
+            continue
         elif abs(off) > GATE_M:
             cell[1] *= 0.7  # what stands there has changed, or is above the ground
         else:

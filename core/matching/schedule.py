@@ -33,6 +33,7 @@ from furrowmap.core.matching.session_registration import session_surface
 from furrowmap.core.matching.yaw_ambiguity import facing
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.trajectory.position_steps import with_steps
 from furrowmap.core.trajectory.shown_errors import (
     MIN_GAIN,
     MIN_GAIN_TOO,
@@ -87,11 +88,24 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
         it = bridge_gaps(problem, it)
     begin = match_windows(problem, it, steps)
     adjusted = match_rounds(problem, begin, steps)
-    # A wrong lever arm or clock looks like slow errors, but not in heights.
+    stepped, notices = with_steps(problem.positions, adjusted.antenna.errors_m(problem.knots, adjusted.state))
+    if notices:
+        observations = with_positions(problem.observations, stepped)
+        followed = replace(problem, positions=stepped, observations=observations, notices=notices)
+        steps.expect(2 * len(SESSION_ROUNDS))
+        freed = match_rounds(followed, replace(begin, observations=observations), steps)
+        again = check_consistency(freed, LEVEL_GROUND)
+        # What a wrong lever arm or clock does in turns still contradicts.
+        if not (again.constants.off or again.sway.off or again.slip > MAX_SLIP):
+            problem = followed
+            begin = replace(begin, observations=observations)
+            adjusted = freed
     seen = check_consistency(adjusted, LEVEL_GROUND)
+    # A wrong lever arm or clock looks like slow errors, but not in heights.
     times = (1.0, 1.0)
     otherwise = seen.constants.off or seen.slip > MAX_SLIP
-    for _ in range(MAX_SLOW_SEARCHES if problem.lever_m.any() and not seen.sway.off else 0):
+    known = seen.sway.off or any(one.key == "gnss-steps.either" for one in problem.notices)
+    for _ in range(MAX_SLOW_SEARCHES if problem.lever_m.any() and not known else 0):
         before = times
         shown = shown_slow_errors(problem, adjusted)
         if otherwise and shown.times[1] == 1.0:

@@ -209,11 +209,11 @@ def camera_frames(opened: OpenSession, trajectory: Trajectory, guess: FirstGuess
         return None, [Notice("images-unused.no-intrinsics")]
     if find_spec("PIL") is None:
         return None, [Notice("images-unused")]
-    notices: list[Notice] = []
-    images = opened.images(notices)
+    images, notices = opened.images()
     if not images:
         return None, notices
     from furrowmap.core.images.image_frames import frames_along
 
     used = guess.aid.camera if guess.aid is not None else opened.camera()
-    return frames_along(images, used, trajectory, ground_scale(opened.frame, trajectory), notices), notices
+    frames, unposed = frames_along(images, used, trajectory, ground_scale(opened.frame, trajectory))
+    return frames, notices + unposed

@@ -27,7 +27,6 @@ from furrowmap.core.values.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from furrowmap.core.images.image_aiding import ImageAid
-    from furrowmap.core.live.difference import LiveDifference
     from furrowmap.core.matching.matched import Matched
     from furrowmap.core.matching.relative_mounting import RelativeMounting
     from furrowmap.core.pipeline.control.control_points import ControlResult
@@ -73,7 +72,6 @@ class RunResult:
     image_aid: ImageAid | None = None
     control: ControlResult | None = None
     further_scanners: Mapping[str, RelativeMounting] = field(default_factory=dict)
-    live: LiveDifference | None = None
 
     @cached_property
     def unconfirmed(self) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """A session's images as an aid of its trajectory."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 
 from furrowmap.core.geodesy.coordinates import places_on_map
 from furrowmap.core.images.control_points import ControlPoints
-from furrowmap.core.images.image_aiding import ImageAid, aid_by_images, unused
+from furrowmap.core.images.image_aiding import AidedTrajectory, aid_by_images, unused
 from furrowmap.core.images.image_features import ImageFeatures, find_features
 from furrowmap.core.images.image_positions import held_against_images
 from furrowmap.core.readers.reader import GivesTrack
@@ -40,7 +41,7 @@ def features_ahead(opened: OpenSession, progress: Progress) -> dict[ImageFile, I
         return {}
     assert isinstance(positions, GivesTrack)
     track = track_within(positions.track(), opened.session.recording.span_s)
-    images = opened.images([])
+    images, _ = opened.images()  # they are read again, and noticed then
     before = np.searchsorted(track.t_s, images.t_s + opened.camera().shutter_delay_s)
     during = np.flatnonzero((before > 0) & (before < len(track)))
     return find_features(images.chosen(during).paths, progress)
@@ -50,15 +51,13 @@ def aid_session(
     opened: OpenSession,
     located: Located,
     scale: float,
-    notices: list[Notice],
     progress: Progress,
     features: Mapping[ImageFile, ImageFeatures] | None = None,
-) -> tuple[Located, ImageAid | None]:
+) -> AidedTrajectory:
     """The trajectory of a session aided by the images that it names; as it was where they do not serve.
 
     Args:
         scale: metres of the map for a metre on the ground.
-        notices: why images do not serve is added.
         features: of the images, where they were found ahead.
 
     Raises:
@@ -66,37 +65,42 @@ def aid_session(
     """
     source = opened.session.camera
     if source is None or not source.aid:
-        return located, None
+        return AidedTrajectory(located, None, ())
     if not all(map(find_spec, EXTRA)):
-        notices.append(unused(Text('the extra is not installed: pip install ".[photo]" in the checkout of furrowmap')))
-        return located, None
+        why = Text('the extra is not installed: pip install ".[photo]" in the checkout of furrowmap')
+        return AidedTrajectory(located, None, (unused(why),))
     inputs = opened.inputs
+    notices: list[Notice] = []
     control: ControlPoints | None = None
     if inputs.control_points is not None:
         points = read_points(inputs.control_points, opened.frame.whole_crs)
         notices += points.notices
-        seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name, notices)
+        seen: tuple[_Pixel, ...] = ()
+        if inputs.control_pixels is not None:
+            seen, of_pixels = read_pixels(inputs.control_pixels, points.name)
+            notices += of_pixels
         control = ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
-    images = opened.images(notices)
+    images, of_images = opened.images()
     camera = opened.camera()
     stated, _ = places_on_map(images.t_s, images.lon_lat_h, opened.frame)
     located, found = held_against_images(located, images, camera, stated, scale)
-    notices += found
-    return aid_by_images(located, images, camera, scale, control, notices, progress, features)
+    aided = aid_by_images(located, images, camera, scale, control, progress, features)
+    return replace(aided, notices=(*notices, *of_images, *found, *aided.notices))
 
 
-def read_pixels(path: Path, names: tuple[str, ...], notices: list[Notice]) -> tuple[tuple[str, int, float, float], ...]:
-    """Image's file name, number of the point, column and row of control points in images.
+_Pixel = tuple[str, int, float, float]
+
+
+def read_pixels(path: Path, names: tuple[str, ...]) -> tuple[tuple[_Pixel, ...], tuple[Notice, ...]]:
+    """Image's file name, number of the point, column and row of control points in images; what the file leaves open.
 
     Args:
         path: of a CSV or spreadsheet with columns file, name, u, v.
-        notices: what was decided where the file leaves it open is added.
 
     Raises:
         InputError: if it is not such a table, or names a point that is not known.
     """
     table = read_table(path, partial(_unreadable, path))
-    notices += table.notices
     found = {name: table.find([name]) for name in _COLUMNS}
     lacking = [name for name, column in found.items() if column is None]
     if lacking:
@@ -115,7 +119,7 @@ def read_pixels(path: Path, names: tuple[str, ...], notices: list[Notice]) -> tu
         if not np.isfinite(place).all():
             raise _unreadable(path, Text("line {line} has no numbers in u and v", line=line))
         out.append((Path(file.strip()).name, numbers[name.strip()], float(place[0]), float(place[1])))
-    return tuple(out)
+    return tuple(out), table.notices
 
 
 def _unreadable(path: Path, why: Words) -> InputError:

@@ -183,10 +183,9 @@ def aided_by_images(
         return FirstGuess(located, None, position_notices=about_positions)
     from furrowmap.core.pipeline.session_aid import aid_session
 
-    notices: list[Notice] = []
     scale = ground_scale(opened.frame, located.trajectory)
-    aided, aid = aid_session(opened, located, scale, notices, progress, features)
-    return FirstGuess(aided, aid, tuple(notices), about_positions)
+    aided = aid_session(opened, located, scale, progress, features)
+    return FirstGuess(aided.located, aided.aid, aided.notices, about_positions)
 
 
 def contradicts(located: Located) -> bool:

@@ -16,7 +16,7 @@ from furrowmap.core.pointclouds.joined_clouds import MACHINE_CLASSES, NOISE_CLAS
 from furrowmap.core.readers.las.cloud import CloudFile, Survey
 from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.background import in_turn
+from furrowmap.core.runtime.background import ahead, in_turn
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray, RecordSpool, Square, square_keys, square_of
@@ -54,6 +54,8 @@ SPOOLED_POINT: Final = np.dtype([
 """A point. `t_s` is UTC, seconds of a week where all clouds have those, or nan. Noise and machine are never ground.
 `apart_m` is the mean neighbour distance, where needed; inf for an isolated point."""
 SPOOLED_XYZ: Final = np.dtype(("<f8", 3))
+BATCHES_AHEAD: Final = 2
+"""Batches of points that are read while others are sorted into squares."""
 
 
 class SquareSpool(RecordSpool):
@@ -97,9 +99,9 @@ def clean_points(
         RefusedError: if points lie outside the domain of the CRS.
         OSError: if the temporary files cannot be written.
     """
-    points = _wanted(clouds, cleaning, seen, progress)
+    points = _read_ahead(clouds, cleaning, seen, progress)
     if cleaning.outliers == "none" and cleaning.ground == "none" and cleaning.voxel_m is None:
-        yield from (records[~(records["noise"] & cleaning.drop_noise)] for records in points)
+        yield from (chosen(records, ~(records["noise"] & cleaning.drop_noise)) for records in points)
         return
     with ExitStack() as stack:
         side_m = square_side_m(clouds)
@@ -123,9 +125,9 @@ def clean_points(
                 _measure(spool, few, block, cleaning.outliers, cleaning.voxel_m or 0.0, usual)
                 progress("looking for noise", number / len(parts))
         if cleaning.ground != "none":
-            for square in squares:
-                _add_lows(_with_outliers(spool.read_squares([square]), usual), square, lows)
-        for number, block in enumerate(parts, 1):
+            _add_lows(spool, parts, usual, lows)
+
+        def cleaned(block: list[Square]) -> RecordArray:
             records = _with_outliers(spool.read_squares(block), usual)
             records["classification"][records["noise"] & ~np.isin(records["classification"], NOISE_CLASSES)] = (
                 PointClass.NOISE
@@ -134,9 +136,13 @@ def clean_points(
                 _classify_ground(records, block, lows, cleaning.ground)
             kept = ~(records["noise"] & cleaning.drop_noise)
             if cleaning.voxel_m is not None:
-                kept[kept] = _one_a_cube(records[kept], cleaning.voxel_m)
-            progress("cleaning clouds", number / len(parts))
-            yield records[kept]
+                kept[kept] = _one_a_cube(chosen(records, kept), cleaning.voxel_m)
+            return chosen(records, kept)
+
+        with ThreadPoolExecutor(threads()) as pool:
+            for number, records in enumerate(in_turn(pool, cleaned, parts, threads()), 1):
+                progress("cleaning clouds", number / len(parts))
+                yield records
 
 
 @contextmanager
@@ -153,13 +159,12 @@ def classified_spool(
     """
     side_m = square_side_m(clouds)
     with SquareSpool(SPOOLED_POINT, folder, side_m) as spool, SquareSpool(SPOOLED_XYZ, folder, side_m) as lows:
-        for records in _wanted(clouds, cleaning, seen, progress):
+        for records in _read_ahead(clouds, cleaning, seen, progress):
             spool.add_at(records["xyz_m"][:, :2], records)
         method = cleaning.ground
         if method != "none":
             parts = blocks(spool)
-            for square in (square for block in parts for square in block):
-                _add_lows(spool.read_squares([square]), square, lows)
+            _add_lows(spool, parts, NeighbourStatistics(), lows)
 
             def classify(block: list[Square]) -> None:
                 records = spool.read_squares(block)
@@ -172,10 +177,20 @@ def classified_spool(
         yield spool
 
 
-def _wanted(
+def _read_ahead(
     clouds: Clouds, cleaning: Cleaning, seen: Callable[[Survey], None] | None, progress: Progress
 ) -> Iterator[RecordArray]:
-    """The points after the steps that need no neighbours."""
+    """The points after the steps that need no neighbours, read by another thread."""
+    done = [0.0]
+    for records in ahead(_wanted(clouds, cleaning, seen, done), BATCHES_AHEAD):
+        progress("reading clouds", done[-1])
+        yield records
+
+
+def _wanted(
+    clouds: Clouds, cleaning: Cleaning, seen: Callable[[Survey], None] | None, done: list[float]
+) -> Iterator[RecordArray]:
+    """The same in this thread; the last of `done` is the share of the points that are read."""
     without = list(cleaning.without)
     total = max(clouds.points, 1)
     taken = 0
@@ -183,9 +198,7 @@ def _wanted(
     def wanted(_: CloudFile, batch: CloudBatch) -> NDArray[np.bool_]:
         return ~np.isin(batch.classification, without)
 
-    for file, batch in clouds.whole_batches(
-        cleaning.box, wanted, seen, lambda done: progress("reading clouds", done / total)
-    ):
+    for file, batch in clouds.whole_batches(cleaning.box, wanted, seen, lambda read: done.append(read / total)):
         turn = (taken + np.arange(len(batch))) % cleaning.every == 0
         taken += len(batch)
         records = _records(batch.where(turn), is_ours(file), clouds.week_times)
@@ -205,6 +218,11 @@ def _records(batch: CloudBatch, ours: bool, week_times: bool) -> RecordArray:
     records["noise"] = np.isin(batch.classification, NOISE_CLASSES)
     records["machine"] = ours & np.isin(batch.classification, MACHINE_CLASSES)
     return records
+
+
+def chosen(records: RecordArray, which: NDArray[np.bool_]) -> RecordArray:
+    """Some of records (n,), copied whole: numpy takes five times as long by a mask, field by field."""
+    return records.take(np.flatnonzero(which))
 
 
 def square_side_m(clouds: Clouds) -> float:
@@ -290,13 +308,23 @@ def _with_outliers(records: RecordArray, usual: NeighbourStatistics) -> RecordAr
     return records
 
 
-def _add_lows(records: RecordArray, square: Square, lows: SquareSpool) -> None:
-    """Store the lowest points of the cells of a square, as surroundings of blocks for the ground filter."""
-    xyz: FloatArray = records["xyz_m"][~(records["noise"] | records["machine"])]
-    if not len(xyz):
-        return
-    lowest = xyz[_lowest(xyz, SMRF.cell_m, *bounds(xyz))]
-    lows.add(lowest, np.repeat(lows.keys([square]), len(lowest)))
+def _add_lows(spool: SquareSpool, parts: list[list[Square]], usual: NeighbourStatistics, lows: SquareSpool) -> None:
+    """Store the lowest points of the cells of each square, as surroundings of blocks for the ground filter."""
+    count = spool.counts
+
+    def lowest(block: list[Square]) -> list[FloatArray]:
+        records = _with_outliers(spool.read_squares(block), usual)
+        bare = ~(records["noise"] | records["machine"])
+        ends = np.cumsum([count[key] for key in spool.keys(block).tolist()])
+        found = []
+        for part in map(slice, [0, *ends[:-1]], ends):
+            xyz: FloatArray = records["xyz_m"][part][bare[part]]
+            found.append(xyz[_lowest(xyz, SMRF.cell_m, *bounds(xyz))] if len(xyz) else xyz)
+        return found
+
+    with ThreadPoolExecutor(threads()) as pool:
+        for block, found in zip(parts, in_turn(pool, lowest, parts, threads()), strict=True):
+            lows.add(np.concatenate(found), np.repeat(lows.keys(block), [len(xyz) for xyz in found]))
 
 
 @kernel()

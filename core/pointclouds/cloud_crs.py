@@ -16,6 +16,7 @@ import pyproj
 
 from furrowmap.core.geodesy.crs_change import CrsChange, bounds_in, crs_change
 from furrowmap.core.geodesy.measurable_crs import Bounds, expect_map, proposed_crs
+from furrowmap.core.geodesy.projection import is_in_area
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.crs import full_name_of, name_of
@@ -25,6 +26,8 @@ from furrowmap.core.values.no_heights import NO_HEIGHTS, far_from_heights, is_an
 SAME_PLACE_M: Final = 1e-4
 SAME_UNIT: Final = 1e-5
 """The international and the US survey foot differ by 2e-6 of their length."""
+MAX_DEGREES: Final = 1_000.0
+"""Larger coordinates are no angles that a program got wrong, but those of a map."""
 MAX_FAR_SHARE: Final = 0.001
 """Largest share of points that are left out."""
 
@@ -70,17 +73,24 @@ def common_crs(
 
     Arguments and errors are those of :func:`.clouds.open_clouds`.
     """
-    notices: list[Notice] = []
-    whole = [_source_crs(file, crs, notices) for file in files]
+    found = [_source_crs(file, crs) for file in files]
+    whole = [source for source, _ in found]
+    notices = [notice for _, own in found for notice in own]
     vertical = _common_heights(files, whole)
     places = _places(files, whole)
+    for file, place in zip(files, places, strict=True):
+        notices += _expect_place(file, place)
     if dst_crs is None:
-        target, changes = _common_map(files, places, notices)
+        target = _common_map(files, places)
+        changes: dict[pyproj.CRS, CrsChange | None] = {place.flat: None for place in places}
+        stated_by = str(files[0].path) if files[0].crs is not None else f"{files[0].path} (--crs)"
+        notices += expect_map(target, _known(places)[:1], stated_by=stated_by)
     else:
         target = horizontal_and_vertical(dst_crs)[0]
         if not without_option:
             _expect_heights(dst_crs, vertical, target)
-        changes = _changes(places, target, notices, without_option=without_option)
+        changes, changed = _changes(places, target, without_option=without_option)
+        notices += changed
     sources: dict[Path, CloudSource] = {}
     for file, source, place in zip(files, whole, places, strict=True):
         expect_upward(source, file.path)
@@ -116,28 +126,28 @@ def _no_heights(file: CloudFile, unit_m: float) -> tuple[float, ...]:
     return tuple(far.tolist())
 
 
-def _source_crs(file: CloudFile, crs: pyproj.CRS | None, notices: list[Notice]) -> pyproj.CRS:
+def _source_crs(file: CloudFile, crs: pyproj.CRS | None) -> tuple[pyproj.CRS, list[Notice]]:
     """The CRS of a file: its own, or the stated one where it has none of a place on the Earth."""
     if file.crs is None:
         if crs is None:
             raise InputError(
                 "crs-missing", file=file.path, is_file=any(notice.code == "crs-unreadable" for notice in file.notices)
             )
-        return crs
+        return crs, []
     flat, height = horizontal_and_vertical(file.crs)
     if flat.is_geocentric:
         raise InputError("crs-geocentric", file=file.path, crs=full_name_of(file.crs))
     if not (flat.is_projected or flat.is_geographic):
-        return _georeferenced(file, crs, notices)
+        return _georeferenced(file, crs)
     if height is not None or crs is None or vertical_unit_m(file.crs) != 1.0:
-        return file.crs
+        return file.crs, []
     stated, stated_height = horizontal_and_vertical(crs)
     if stated_height is None or not _same_map(flat, stated, first_bounds([file], flat)):
-        return file.crs
-    return compound_crs(flat, stated_height)
+        return file.crs, []
+    return compound_crs(flat, stated_height), []
 
 
-def _georeferenced(file: CloudFile, crs: pyproj.CRS | None, notices: list[Notice]) -> pyproj.CRS:
+def _georeferenced(file: CloudFile, crs: pyproj.CRS | None) -> tuple[pyproj.CRS, list[Notice]]:
     """The stated CRS of a file in a local one, or in one of heights alone."""
     assert file.crs is not None
     own = full_name_of(file.crs)
@@ -146,15 +156,15 @@ def _georeferenced(file: CloudFile, crs: pyproj.CRS | None, notices: list[Notice
     flat, height = horizontal_and_vertical(file.crs)
     stated, stated_height = horizontal_and_vertical(crs)
     if flat.is_vertical:
-        return crs if stated_height is not None else compound_crs(stated, flat)
+        return crs if stated_height is not None else compound_crs(stated, flat), []
     units_m = [one.axis_info[0].unit_conversion_factor for one in (flat, stated)]
     names = [one.axis_info[0].unit_name for one in (flat, stated)]
     if not stated.is_geographic and not math.isclose(*units_m, rel_tol=SAME_UNIT):
         raise InputError(
             "crs-local.foreign-unit", file=file.path, crs=own, unit=names[0], stated=name_of(crs), other=names[1]
         )
-    notices.append(Notice("crs-of-local", path=file.path.name, crs=own, stated=name_of(crs)))
-    return crs if height is None or stated_height is not None else compound_crs(stated, height)
+    taken = crs if height is None or stated_height is not None else compound_crs(stated, height)
+    return taken, [Notice("crs-of-local", path=file.path.name, crs=own, stated=name_of(crs))]
 
 
 def _common_heights(files: Sequence[CloudFile], whole: Sequence[pyproj.CRS]) -> pyproj.CRS | None:
@@ -229,11 +239,45 @@ def _places(files: Sequence[CloudFile], whole: Sequence[pyproj.CRS]) -> list[_Fi
     return [found[horizontal_and_vertical(crs)[0]] for crs in whole]
 
 
-def _common_map(
-    files: Sequence[CloudFile], places: Sequence[_FilePlace], notices: list[Notice]
-) -> tuple[pyproj.CRS, dict[pyproj.CRS, CrsChange | None]]:
-    """The horizontal CRS that all files have, and that none of them needs a transformation to it."""
-    known = _known(places)
+def _expect_place(file: CloudFile, place: _FilePlace) -> list[Notice]:
+    """A notice where the CRS that the user stated for a file puts it where that CRS is not used.
+
+    Raises InputError where its coordinates are no degrees, though its CRS has degrees.
+    """
+    if place.bounds is None:
+        return []
+    x, y = place.bounds[:2]
+    if place.flat.is_geographic and max(abs(x), abs(y)) > MAX_DEGREES:
+        raise InputError(
+            "not-degrees.in-cloud",
+            path=file.path,
+            x=x,
+            y=y,
+            crs=full_name_of(place.flat),
+            is_stated=file.crs is None,
+        )
+    area = place.flat.area_of_use
+    base = place.flat.geodetic_crs
+    if file.crs is not None or area is None or base is None:
+        return []
+    lon, lat = pyproj.Transformer.from_crs(place.flat, base.to_2d(), always_xy=True).transform(x, y)
+    if is_in_area(area.bounds, lon, lat):
+        return []
+    return [
+        Notice(
+            "crs-stated-elsewhere",
+            path=file.path.name,
+            crs=full_name_of(place.flat),
+            area=area.name,
+            is_known=bool(np.isfinite([lon, lat]).all()),
+            lat=lat if math.isfinite(lat) else None,
+            lon=lon if math.isfinite(lon) else None,
+        )
+    ]
+
+
+def _common_map(files: Sequence[CloudFile], places: Sequence[_FilePlace]) -> pyproj.CRS:
+    """The horizontal CRS that all files have; InputError if they have several."""
     first = places[0].flat
     for file, place in zip(files, places, strict=True):
         if not _same_map(first, place.flat, place.bounds):
@@ -243,21 +287,19 @@ def _common_map(
                 first=full_name_of(first),
                 file=file.path,
                 other=full_name_of(place.flat),
-                proposal=proposed_crs(known),
+                proposal=proposed_crs(_known(places)),
             )
-    stated_by = str(files[0].path) if files[0].crs is not None else f"{files[0].path} (--crs)"
-    notices += expect_map(first, known[:1], stated_by=stated_by)
-    return first, {place.flat: None for place in places}
+    return first
 
 
 def _changes(
-    places: Sequence[_FilePlace], target: pyproj.CRS, notices: list[Notice], *, without_option: bool
-) -> dict[pyproj.CRS, CrsChange | None]:
+    places: Sequence[_FilePlace], target: pyproj.CRS, *, without_option: bool
+) -> tuple[dict[pyproj.CRS, CrsChange | None], list[Notice]]:
     """The transformation from each horizontal CRS of the files to another one; None where they are the same."""
     known = _known(places)
     changes: dict[pyproj.CRS, CrsChange | None] = {}
     try:
-        notices += expect_map(target, known)
+        notices = expect_map(target, known)
         for place in places:
             if place.flat in changes:
                 continue
@@ -269,8 +311,9 @@ def _changes(
     except RefusedError as error:
         if without_option or error.code not in ("crs-change-grid", "crs-change-unknown", "crs-change-outside"):
             raise
-        raise RefusedError(f"{error.code}.dst", **error.values, proposal=proposed_crs(known)) from None
-    return changes
+        remedy = {"is_output": True, "proposal": proposed_crs(known)}
+        raise RefusedError(error.code, **(error.values | remedy)) from None
+    return changes, notices
 
 
 def _known(places: Sequence[_FilePlace]) -> list[tuple[pyproj.CRS, Bounds]]:

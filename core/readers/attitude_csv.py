@@ -55,7 +55,9 @@ class AttitudeCsv(FileReader):
         t_s, angles = (np.concatenate([part[k] for part in parts]) for k in range(2))
         norths = {part[2] for part in parts}
         north = norths.pop() if len(norths) == 1 else UNSTATED_NORTH
-        return attitude_track(t_s, angles, north, self.name, self.notices)
+        track, late = attitude_track(t_s, angles, north, self.name)
+        self.notices += late
+        return track
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report rate, span, and what it holds."""
@@ -67,7 +69,7 @@ class AttitudeCsv(FileReader):
 
     def _read(self, path: Path) -> tuple[FloatArray, FloatArray, str]:
         """UTC (n,), angles (n, 3), and the north of the headings."""
-        with CsvFile(path, self.notices) as file:
+        with CsvFile(path) as file:
             north = file.find(NORTHS)
             has_level = set(LEVEL_COLUMNS) <= set(file.names)
             if file.find(TIMES) is None or not (has_level or north):
@@ -76,5 +78,6 @@ class AttitudeCsv(FileReader):
                 Column({name: 1.0} if has_level else {}, _LEVEL_RANGES[name], optional=True) for name in LEVEL_COLUMNS
             ]
             rows = file.rows([TIME_COLUMN, *level, _HEADING])
+        self._add_notices(*file.notices)
         t_s = utc_of(rows[:, 0], file.time_scale, str(path), self.options)
         return t_s, rows[:, 1:], NORTHS.get(north or "", UNSTATED_NORTH)

@@ -38,19 +38,17 @@ BOUNDARIES_UNREADABLE: Final = "boundaries-unreadable"
 
 
 def read_fields(
-    path: Path, notices: list[Notice] | None = None, target: CRS | None = None, error_code: str = BOUNDARY_UNREADABLE
-) -> list[FieldOutline]:
+    path: Path, target: CRS | None = None, error_code: str = BOUNDARY_UNREADABLE
+) -> tuple[list[FieldOutline], tuple[Notice, ...]]:
     """The fields of a file or folder (:mod:`.areas.polygons`), a polygon each, in longitude and latitude.
 
-    What was decided where a file leaves it open is added to `notices`; `target` is the CRS of the map, if it is known.
+    Notices say what was decided where a file leaves it open; `target` is the CRS of the map, if it is known.
 
     Projected coordinates are converted to longitude and latitude of the same datum; no datum is changed. InputError if
     the file has another format, cannot be read, has no polygon, states no CRS, or one on a historical datum.
     """
     unreadable = partial(_unreadable, path, error_code)
     polygons = open_polygons(path, target, unreadable)
-    if notices is not None:
-        notices += polygons.notices
     try:
         outlines, base = _outlines(polygons, unreadable)
         middle = outlines[0].centroid
@@ -60,9 +58,11 @@ def read_fields(
     except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS and PROJ have no family of their own
         raise unreadable(reason(error)) from None
     if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
+        if np.isinf(apart):
+            raise InputError("boundary-datum.unknown", path=path, base=base.name)
         raise InputError("boundary-datum", path=path, base=base.name, apart_m=apart)
     rows = zip(polygons.attributes, outlines, strict=True)
-    return [FieldOutline(_texts(attributes.values()), outline) for attributes, outline in rows]
+    return [FieldOutline(_texts(attributes.values()), outline) for attributes, outline in rows], polygons.notices
 
 
 def notices_of_fields(path: Path) -> tuple[Notice, ...]:

@@ -26,7 +26,15 @@ ELLIPSOIDAL_H: Final = "h_ellipsoidal_m"
 SEA_LEVEL_H: Final = "h_orthometric_m"
 _NAME_WORDS: Final = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+\d*|[A-Z]+\d*|\d+|[^\W\d_A-Za-z]+")
 _IN_BRACKETS: Final = re.compile(r"[(\[{]([^)\]}]*)[)\]}]")
-_RATES_OF_UNITS: Final = (
+_UNITS_AS_WRITTEN: Final = (
+    (
+        re.compile(
+            r"(?<![a-z])(?:(?:u\.?s\.?[\s_-]*)?survey|u\.?s\.?|s)[\s_-]*(?:feet|foot|ft)(?![a-z])|(?<![a-z])ft[\s_-]*us(?![a-z])",
+            re.IGNORECASE,
+        ),
+        " us ft ",
+    ),
+    (re.compile(r"(?<=[(\[{])\s*in\.?\s*(?=[)\]}])", re.IGNORECASE), "inch"),
     (re.compile(r"(?:°|deg(?:rees?)?)\s*(?:/|per\s+)\s*s(?:ec(?:onds?)?)?\b", re.IGNORECASE), " dps "),
     (re.compile(r"rad(?:ians?)?\s*(?:/|per\s+)\s*s(?:ec(?:onds?)?)?\b", re.IGNORECASE), " radps "),
     (re.compile(r"\bm\s*/\s*s\s*(?:\^?\s*2|/\s*s)", re.IGNORECASE), " mps2 "),
@@ -35,13 +43,16 @@ _RATES_OF_UNITS: Final = (
 _SAME_WORDS: Final = {
     "latitude": "lat", "longitude": "lon", "long": "lon", "lng": "lon",
     "easting": "e", "east": "e", "northing": "n", "north": "n",
-    "height": "h", "hgt": "h", "altitude": "h", "alt": "h", "elevation": "h", "elev": "h",
+    "height": "h", "hgt": "h", "altitude": "h", "alt": "h", "elevation": "h", "elev": "h", "hohe": "h", "hoehe": "h",
     "ell": "ellipsoidal", "ellipsoid": "ellipsoidal", "ellh": "ellipsoidal h",
     "msl": "orthometric", "amsl": "orthometric", "geoid": "orthometric",
     "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
-    "metre": "m", "metres": "m", "meter": "m", "meters": "m",
+    "metre": "m", "metres": "m", "meter": "m",
     "sec": "s", "secs": "s", "second": "s", "seconds": "s",
-    "feet": "ft", "foot": "ft", "usft": "us ft", "ftus": "us ft",
+    "feet": "ft", "foot": "ft", "fuss": "ft", "pied": "ft", "pieds": "ft", "pie": "ft", "pies": "ft", "フィート": "ft",
+    "meters": "m", "metro": "m", "metros": "m", "メートル": "m", "yard": "yd", "yards": "yd", "ヤード": "yd",
+    "inches": "inch", "zoll": "inch", "インチ": "inch", "decimetre": "dm", "decimetres": "dm",
+    "mile": "mi", "miles": "mi", "chains": "chain", "links": "link", "fathoms": "fathom",
     "centimetre": "cm", "centimetres": "cm", "millimetre": "mm", "millimetres": "mm",
     "timestamp": "time", "datetime": "time", "gpstime": "gps time", "gpst": "gps time", "gpstow": "gps tow",
     "unixtime": "unix time", "posix": "unix", "epoch": "unix",
@@ -52,11 +63,16 @@ _SAME_WORDS: Final = {
     "sde": "sigma e", "sdn": "sigma n", "sdu": "sigma h", "sdh": "sigma h",
     "distance": "range", "dist": "range", "hdg": "heading",
 }  # fmt: skip
-_PLAIN_UNITS: Final = frozenset({"deg", "rad", "m", "cm", "mm", "km", "ft", "us ft", "s", "ms", "us", "ns"})
+_NO_UNIT: Final = frozenset({"-", "–", "--"})
 _MOTION_UNITS: Final = frozenset({"dps", "radps", "mps2", "g", "mg", "deg s", "rad s", "m s2"})
 _SAME_LENGTH: Final = 1e-5
 """Both feet count as one: `ft` is written for either."""
-_LENGTHS_M: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": FOOT_M, "us ft": _US_FOOT_M}
+_LENGTHS_M: Final = {
+    "m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": FOOT_M, "us ft": _US_FOOT_M,
+    "inch": FOOT_M / 12.0, "yd": 3.0 * FOOT_M, "fathom": 6.0 * FOOT_M,
+    "link": 0.66 * FOOT_M, "chain": 66.0 * FOOT_M, "mi": 5280.0 * FOOT_M,
+}  # fmt: skip
+_PLAIN_UNITS: Final = frozenset({"deg", "rad", "s", "ms", "us", "ns", *_LENGTHS_M})
 
 
 def _vocabulary() -> dict[frozenset[str], tuple[str, dict[str, str]]]:
@@ -116,8 +132,8 @@ MAX_NAMES_BY_MEANING: Final = 1000
 @cache
 def _words_and_unit(name: str) -> tuple[frozenset[str], str]:
     """The words of a name but its unit, and the unit: the last words, or what stands in brackets."""
-    text = unicodedata.normalize("NFKC", name.strip())
-    for pattern, unit in _RATES_OF_UNITS:
+    text = _without_accents(name.strip())
+    for pattern, unit in _UNITS_AS_WRITTEN:
         text = pattern.sub(unit, text)
     inside = " ".join(_IN_BRACKETS.findall(text))
     outside, bracket = (_plain_words(part) for part in (_IN_BRACKETS.sub(" ", text), inside))
@@ -128,6 +144,12 @@ def _words_and_unit(name: str) -> tuple[frozenset[str], str]:
         if len(words) > last and unit in known:
             return frozenset(words[:-last]), unit
     return frozenset(words), ""
+
+
+def _without_accents(text: str) -> str:
+    """A text in compatible letters; marks of kana stay."""
+    apart = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
+    return unicodedata.normalize("NFKC", "".join(letter for letter in apart if not "\u0300" <= letter <= "\u036f"))
 
 
 def _plain_words(text: str) -> list[str]:
@@ -141,6 +163,24 @@ def standard_name(name: str) -> str | None:
     words, unit = _words_and_unit(name)
     unstated, units = _VOCABULARY.get(words, ("", {}))
     return (units.get(unit) if unit else unstated) or None
+
+
+def with_units(names: Sequence[str], cells: Sequence[str]) -> list[str] | None:
+    """The names with the units that the row below them has; None if that row holds anything else."""
+    units = [cell.strip().strip("()[]{}").strip() for cell in cells]
+    stating = [unit for unit in units if unit and unit not in _NO_UNIT]
+    if not stating or len(units) > len(names) or not all(map(_is_unit, stating)):
+        return None
+    units += [""] * (len(names) - len(units))
+    stated = [not unit or unit in _NO_UNIT or states_unit(name) for name, unit in zip(names, units, strict=True)]
+    return [
+        name if is_stated else f"{name} [{unit}]" for name, unit, is_stated in zip(names, units, stated, strict=True)
+    ]
+
+
+def _is_unit(text: str) -> bool:
+    """Whether a cell has a unit and nothing else."""
+    return states_unit(f"quantity [{text}]") or states_unit(f"gyro [{text}]")
 
 
 def states_unit(name: str) -> bool:
@@ -228,7 +268,7 @@ def means(written: str, name: str) -> bool:
 
 @cache
 def _spelling(name: str) -> str:
-    return "".join(_plain_words(unicodedata.normalize("NFKC", name)))
+    return "".join(_plain_words(_without_accents(name)))
 
 
 def ambiguous(path: Path, name: str, columns: Sequence[str]) -> InputError:

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.readers.column_names import ambiguous, standard_names
+from furrowmap.core.readers.column_names import ambiguous, standard_names, with_units
 from furrowmap.core.readers.csv_text import before_header, has_decimal_commas, header_of, row_cells, with_points
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.text_encoding import decoded
@@ -73,14 +73,16 @@ class CsvFile(Source):
     that columns are read by what their names mean (:mod:`.column_names`) are added while rows are read.
 
     Attributes:
+        notices: complete when the last row has been read, since rows are read in pieces.
         written: the names of the columns as they stand in the file.
         names: the same by the names that furrowmap gives them.
     """
 
-    def __init__(self, path: Path, notices: list[Notice]) -> None:
+    def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.notices = notices
+        self.notices: list[Notice] = []
         self._in_header = True
+        self._unread = b""
         self._separator = ","  # until the header has been read: it may lack an end
         self._lines = self._complete_lines()
         lines = [next(self._lines, b"")]
@@ -90,14 +92,17 @@ class CsvFile(Source):
         while before_header(lines[-1]) and (line := next(self._lines, None)) is not None:
             lines.append(line)
         self._in_header = False
-        header = header_of(lines)
+        below, _, data = self._unread.partition(b"\n")
+        header = header_of([*lines, below])
+        if header.has_units:
+            self._unread = data
         self.written = header.names
-        self.names = standard_names(header.names)
+        self.names = standard_names(self.written)
         self._decimal_comma: bool | None = None
         self._separator = header.separator
         self._header_lines = header.lines
         if header.text.open:
-            notices.append(header.text.notice("code-page", path.name))
+            self.notices.append(header.text.notice("code-page", path.name))
 
     def find(self, column: Iterable[str]) -> str | None:
         """The first of the accepted names of a column that the file has; InputError if several columns mean it."""
@@ -201,23 +206,23 @@ class CsvFile(Source):
 
     def _complete_lines(self) -> Iterator[bytes]:
         """The lines of the header, then pieces of complete lines; a last line that may be cut is dropped."""
-        rest = tail = b""
+        tail = b""
         while block := self.read(CSV_CHUNK_BYTES):
-            rest += block
-            while self._in_header and b"\n" in rest:
-                line, _, rest = rest.partition(b"\n")
+            self._unread += block
+            while self._in_header and b"\n" in self._unread:
+                line, _, self._unread = self._unread.partition(b"\n")
                 yield line
-            end = rest.rfind(b"\n") + 1
+            end = self._unread.rfind(b"\n") + 1
             if end and not self._in_header:
-                yield rest[:end]
-                tail = rest[max(0, end - MAX_TAIL_BYTES) : end]
-                rest = rest[end:]
-            if len(rest) > LONGEST_LINE_BYTES:
+                yield self._unread[:end]
+                tail = self._unread[max(0, end - MAX_TAIL_BYTES) : end]
+                self._unread = self._unread[end:]
+            if len(self._unread) > LONGEST_LINE_BYTES:
                 raise InputError("not-a-table.endless-line", path=self.path, most_mb=LONGEST_LINE_BYTES / 1e6)
-        if not rest.strip() or self.fault:
+        if not self._unread.strip() or self.fault:
             return
-        if is_whole(rest, tail.splitlines(), self._separator):
-            yield rest
+        if is_whole(self._unread, tail.splitlines(), self._separator):
+            yield self._unread
         else:
             self.notices.append(Notice("last-line-cut", path=self.path))
 
@@ -316,8 +321,8 @@ def unix_time(text: str) -> float:
         raise ValueError(text) from error
 
 
-def read_small(path: Path, max_bytes: int, notices: list[Notice]) -> tuple[bytes, str]:
-    """The content of a small text file, and why it was cut, which is noticed.
+def read_small(path: Path, max_bytes: int) -> tuple[bytes, list[Notice]]:
+    """The content of a small text file, and a notice if it is cut.
 
     ValueError if it is larger, or no text.
     """
@@ -328,9 +333,7 @@ def read_small(path: Path, max_bytes: int, notices: list[Notice]) -> tuple[bytes
         raise ValueError(Text("more than {max_bytes:,} bytes", max_bytes=max_bytes))
     if (kind := binary_kind(data)) is not None:
         raise ValueError(Text("it is {kind}, not text", kind=kind))
-    if fault:
-        notices.append(cut_notice(path, fault))
-    return data, fault
+    return data, [cut_notice(path, fault)] if fault else []
 
 
 @dataclass(frozen=True)
@@ -339,23 +342,26 @@ class TextRows:
 
     names: list[str]
     rows: list[tuple[int, dict[str, str]]]
+    notices: tuple[Notice, ...]
 
 
-def text_rows(data: bytes, path: Path, notices: list[Notice]) -> TextRows:
+def text_rows(data: bytes, path: Path) -> TextRows:
     """The fields of a CSV as text, numbers with points; a code page that it leaves open is noticed."""
     lines = data.splitlines()
     header = header_of(lines)
     found = decoded(lines)
-    if found is not None and found.open:
-        notices.append(found.notice("code-page", path.name))
+    guessed = (found.notice("code-page", path.name),) if found is not None and found.open else ()
     texts = found.texts if found is not None else [line.decode("utf-8", "replace") for line in lines]
-    names = row_cells(texts[header.lines - 1].removeprefix("\ufeff"), header.separator) if texts else []
+    title = header.lines - 1 - header.has_units
+    names = row_cells(texts[title].removeprefix("\ufeff"), header.separator) if texts else []
+    if header.has_units:
+        names = with_units(names, row_cells(texts[title + 1], header.separator)) or names
     numbers = [k for k in range(header.lines, len(lines)) if texts[k].strip()]
     cells = [row_cells(texts[k], header.separator) for k in numbers]
     if has_decimal_commas(cells, header.separator):
         cells = [[with_points(cell) for cell in row] for row in cells]
     rows = [(k + 1, dict(zip(names, row, strict=False))) for k, row in zip(numbers, cells, strict=True)]
-    return TextRows(names, rows)
+    return TextRows(names, rows, guessed)
 
 
 def is_whole(line: bytes, before: Sequence[bytes], separator: str = ",") -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from furrowmap.core.readers.column_names import with_units
 from furrowmap.core.readers.text_encoding import UTF_8, Decoded, decoded
 
 SEPARATORS: Final = ",;\t"
@@ -25,13 +26,16 @@ class Header:
         names: as they stand there, without quotes.
         separator: that of the separator line, else comma, semicolon or tab, whichever is most frequent.
         text: the line in its code page.
-        lines: number of lines up to it, with comments (#), empty lines and a separator line before it.
+        lines: number of lines up to it, with comments (#), empty lines and a separator line before it, and a line of
+            units below it.
+        has_units: whether there is a line of units, which `names` have then.
     """
 
     names: list[str]
     separator: str
     text: Decoded
     lines: int
+    has_units: bool = False
 
 
 def header_of(lines: Sequence[bytes]) -> Header:
@@ -42,6 +46,10 @@ def header_of(lines: Sequence[bytes]) -> Header:
     told = next(filter(None, map(separator_of_line, lines[:first])), "")
     separator = told or max(SEPARATORS, key=text.texts[0].count)
     names = [name.strip().strip('"').strip() for name in text.texts[0].split(separator)]
+    below = decoded(lines[first + 1 : first + 2])
+    titles = with_units(names, row_cells(below.texts[0], separator)) if below is not None and below.texts else None
+    if titles is not None:
+        return Header(titles, separator, text, first + 2, has_units=True)
     return Header(names, separator, text, first + 1)
 
 

@@ -33,7 +33,7 @@ MARK_AGREES_S: Final = 5.0
 """EXIF has whole seconds of a camera's clock, which a drone sets by its receiver."""
 
 
-def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
+def exif_images(paths: Sequence[Path]) -> tuple[Images, list[Notice]]:
     """JPEG, TIFF or PNG files with the times in their EXIF data, those that have one; InputError without Pillow.
 
     The time is DateTimeOriginal with its fraction of a second. Its zone is OffsetTimeOriginal, else the quarters of an
@@ -72,6 +72,7 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
         zoneless += not said.has_zone
         taken.append((path, said))
     count = len(paths)
+    notices = []
     if unreadable:
         notices.append(
             Notice("images-unreadable.told", unreadable=len(unreadable), count=count, unreadable_first=unreadable[0])
@@ -93,7 +94,7 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
     times = np.array([said.t_s for _, said in taken], np.float64)
     places = np.array([said.lon_lat_h for _, said in taken], np.float64).reshape(-1, 3)
     sigmas = np.array([said.sigma_m for _, said in taken], np.float64).reshape(-1, 3)
-    return Images.sorted([path for path, _ in taken], times, places, sigmas)
+    return Images.sorted([path for path, _ in taken], times, places, sigmas), notices
 
 
 @dataclass(frozen=True)

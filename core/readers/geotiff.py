@@ -63,6 +63,12 @@ def open_geotiff(
                 crs_of_file(raster.crs.to_wkt())
             if not np.isfinite(raster.transform).all() or raster.transform.is_degenerate:
                 raise unusable(path, Text("states cells without an extent"))
+            scale = raster.scales[0]
+            offset = raster.offsets[0]
+            if scale == 0.0 or not np.isfinite([scale, offset]).all():
+                raise unusable(
+                    path, Text("states the scale {scale:g} and offset {offset:g}", scale=scale, offset=offset)
+                )
             block = max(rows * columns for rows, columns in raster.block_shapes)
             expect_memory(
                 Text("A block of {path}", path=path), block * max(np.dtype(kind).itemsize for kind in raster.dtypes)
@@ -93,10 +99,15 @@ def short_keys(path: Path) -> dict[int, int]:
     return {}
 
 
+def expect_crs(raster: Any, path: Path) -> None:
+    """Raises InputError where a raster has no CRS."""
+    if raster.crs is None:
+        raise InputError("raster-no-crs", path=path)
+
+
 def expect_heights(raster: Any, path: Path, unusable: Callable[[Path, Words], InputError]) -> None:
     """Raises InputError where a raster has no CRS, or its first band says that it holds no heights above a datum."""
-    if raster.crs is None:
-        raise unusable(path, Text("has no CRS"))
+    expect_crs(raster, path)
     band = raster.descriptions[0]
     if raster.tags().get("TIFFTAG_SOFTWARE", "").startswith("furrowmap") and band != HEIGHT_BAND_NAME:
         raise unusable(path, Text("holds {band!r} and no heights above a datum", band=band))

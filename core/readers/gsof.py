@@ -19,6 +19,7 @@ from furrowmap.core.readers.position_log import (
     LoggedPositions,
     PositionLog,
     byte_place,
+    damage_notices,
     dated_positions,
     log_facts,
 )
@@ -183,7 +184,8 @@ class GsofLog(PositionLog):
             scan_stream(source, scanner.counts, scanner.scan)
             ends.append(scanner.counts.stream_bytes)
         name = recording_name(paths)
-        facts = log_facts(scanner.counts, "messages", str, name, self.notices)
+        self.notices += damage_notices(scanner.counts, name)
+        facts = log_facts(scanner.counts, "messages", str)
         time = scanner.messages(TIME_RECORD)
         place = scanner.messages(PLACE_RECORD)
         base = time[np.isin(time.at, place.at)]

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import MissingExtraError
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.values.images import ImageFile, RawLayout, StoredImage
@@ -139,4 +139,4 @@ def _opened(path: ImageFile) -> Any:
 def expect_pillow() -> None:
     """Raise InputError where Pillow, which reads images, is not installed."""
     if find_spec("PIL") is None:
-        raise InputError("extra-missing.pillow")
+        raise MissingExtraError("Pillow", "photo", Text("Images are read by it."))

@@ -23,16 +23,17 @@ _TIMES: Final = (*TIMES, "time")
 MAX_TABLE_BYTES: Final = 1 << 26
 
 
-def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
+def read_image_table(path: Path, folder: Path) -> tuple[Images, list[Notice]]:
     """The images in a folder that a table names, relative to its own, those that exist; others are noticed.
 
     InputError if columns are missing, a field is no time, or an image lies outside the folder.
     """
     try:
-        data, _ = read_small(path, MAX_TABLE_BYTES, notices)
+        data, notices = read_small(path, MAX_TABLE_BYTES)
     except ValueError as error:
         raise InputError("not-a-table", path=path, why=reason(error)) from None
-    table = text_rows(data, path, notices)
+    table = text_rows(data, path)
+    notices += table.notices
     names = table.names
     cells = table.rows
     file = column_of(FILES, names, path)
@@ -60,7 +61,8 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     if not there.all():
         first = rows[int(np.argmin(there))][1]
         notices.append(Notice("images-missing", path=path, there=int((~there).sum()), rows=len(rows), first=first))
-    return Images.sorted([image for image, is_there in zip(paths, there, strict=True) if is_there], times[there])
+    kept = [image for image, is_there in zip(paths, there, strict=True) if is_there]
+    return Images.sorted(kept, times[there]), notices
 
 
 def _is_file(path: Path) -> bool:

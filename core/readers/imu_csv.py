@@ -114,7 +114,9 @@ class ImuCsv(FileReader):
     def _inertial(self, units: StatedUnits) -> InertialTrack:
         parts = [self._read(path, units) for path in self.paths]
         t_s, values = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        return inertial_track(t_s, values, self.name, self.notices)
+        track, late = inertial_track(t_s, values, self.name)
+        self.notices += late
+        return track
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report rates, span, and the mean of the specific force."""
@@ -130,12 +132,12 @@ class ImuCsv(FileReader):
         """The attitudes in columns beside the measurements, as in an attitude log; InputError if there are none."""
         log = AttitudeCsv(self.paths, self.options)
         track = log.attitude()
-        self.notices += [notice for notice in log.notices if notice not in self.notices]
+        self._add_notices(*log.notices)
         return track
 
     def _read(self, path: Path, units: StatedUnits) -> tuple[FloatArray, FloatArray]:
         """UTC (n,), and angular rate and specific force (n, 6)."""
-        with CsvFile(path, self.notices) as file:
+        with CsvFile(path) as file:
             schema = imu_schema(units)
             scale = file.time_scale
             if self.options.columns:
@@ -146,8 +148,11 @@ class ImuCsv(FileReader):
                     raise _bad_columns(what, Text("Leave the latter out."))
                 schema, scale = _stated_schema(file.written, self.options.columns, path)
             rows = file.rows(schema, "missing-column.of-measurements", "value-out-of-range.imu-columns")
+        self._add_notices(*file.notices)
         if len(schema) > len(IMU_SCHEMA):
-            return _tie_to_utc(rows[:, 0], rows[:, 7], str(path), self.notices), rows[:, 1:7]
+            t_s, tied = _tie_to_utc(rows[:, 0], rows[:, 7], str(path))
+            self.notices.append(tied)
+            return t_s, rows[:, 1:7]
         return utc_of(rows[:, 0], scale, str(path), self.options), rows[:, 1:]
 
 
@@ -207,7 +212,7 @@ def _bad_columns(what: Words, remedy: Words) -> InputError:
     return InputError("imu-columns", what=what, remedy=remedy)
 
 
-def _tie_to_utc(clock_s: FloatArray, utc_s: FloatArray, name: str, notices: list[Notice]) -> FloatArray:
+def _tie_to_utc(clock_s: FloatArray, utc_s: FloatArray, name: str) -> tuple[FloatArray, Notice]:
     """UTC (n,) of a device's own clock (n,) by a column of UTC (n,) that changes now and then; median over changes."""
     known = np.isfinite(utc_s)
     at = np.flatnonzero(known)
@@ -217,13 +222,7 @@ def _tie_to_utc(clock_s: FloatArray, utc_s: FloatArray, name: str, notices: list
     offset = utc_s[changes] - clock_s[changes]
     middle = float(np.median(offset))
     scatter = float(np.median(np.abs(offset - middle)))
-    notices.append(
-        Notice(
-            "imu-clock-tied",
-            name=name,
-            changes=len(changes),
-            is_scatter=scatter < MEASURED_SCATTER_S,
-            scatter_s=scatter,
-        )
+    tied = Notice(
+        "imu-clock-tied", name=name, changes=len(changes), is_scatter=scatter < MEASURED_SCATTER_S, scatter_s=scatter
     )
-    return clock_s + middle
+    return clock_s + middle, tied

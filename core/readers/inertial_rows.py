@@ -212,8 +212,8 @@ def _times(track: InertialTrack, name: str) -> list[Notice]:
     return notices
 
 
-def without_frozen(track: InertialTrack, notices: list[Notice]) -> InertialTrack:
-    """The track without times in which one axis keeps its value to the last digit while the others go on.
+def without_frozen(track: InertialTrack) -> tuple[InertialTrack, list[Notice]]:
+    """The track without times in which one axis keeps its value to the last digit while the others go on; notices.
 
     At rest, values of a coarse resolution repeat on all axes.
     """
@@ -231,12 +231,12 @@ def without_frozen(track: InertialTrack, notices: list[Notice]) -> InertialTrack
                 frozen[first : last + 1] = True
                 axes += [name] if name not in axes else []
     if not frozen.any():
-        return track
+        return track, []
     length_s = float(np.diff(track.t_s, append=track.t_s[-1])[frozen].sum())
     source = track.source or "The IMU"
-    notices.append(Notice("imu-frozen", name=source, axes=", ".join(axes), frozen_s=length_s))
     kept = ~frozen
-    return InertialTrack(track.t_s[kept], track.rate_radps[kept], track.force_mps2[kept], track.source)
+    rest = InertialTrack(track.t_s[kept], track.rate_radps[kept], track.force_mps2[kept], track.source)
+    return rest, [Notice("imu-frozen", name=source, axes=", ".join(axes), frozen_s=length_s)]
 
 
 def _resampled(track: InertialTrack) -> tuple[FloatArray, FloatArray]:
@@ -284,36 +284,34 @@ def first_beyond(values: FloatArray) -> tuple[int, int, int] | None:
     return None
 
 
-def inertial_track(t_s: FloatArray, values: FloatArray, name: str, notices: list[Notice]) -> InertialTrack:
-    """The track of measurements in the order of recording; the few that are not later than all before are dropped.
+def inertial_track(t_s: FloatArray, values: FloatArray, name: str) -> tuple[InertialTrack, list[Notice]]:
+    """The track of measurements in the order of recording, and a notice of the few that are not later than all before.
 
     `values` (n, 6) are angular rate (rad/s) and specific force (m/s²). InputError if the times do not increase.
     """
-    forward = _forward(t_s, "time-disorder.measurements", name, notices)
-    return InertialTrack(t_s[forward], values[forward, :3], values[forward, 3:], name)
+    forward, late = _forward(t_s, "time-disorder.measurements", name)
+    return InertialTrack(t_s[forward], values[forward, :3], values[forward, 3:], name), late
 
 
 def attitude_track(
-    t_s: FloatArray, angles_deg: FloatArray, north: str, name: str, notices: list[Notice]
-) -> AttitudeTrack:
-    """The track of attitudes in the order of recording; the few that are not later than all before are dropped.
+    t_s: FloatArray, angles_deg: FloatArray, north: str, name: str
+) -> tuple[AttitudeTrack, list[Notice]]:
+    """The track of attitudes in the order of recording, and a notice of the few that are not later than all before.
 
     `angles_deg` (n, 3) are roll, pitch, heading. InputError if the times do not increase.
     """
-    forward = _forward(t_s, "time-disorder", name, notices)
+    forward, late = _forward(t_s, "time-disorder", name)
     roll, pitch, heading = angles_deg[forward].T
-    return AttitudeTrack(t_s[forward], roll, pitch, heading, north, name)
+    return AttitudeTrack(t_s[forward], roll, pitch, heading, north, name), late
 
 
-def _forward(t_s: FloatArray, disorder: str, name: str, notices: list[Notice]) -> NDArray[np.bool_]:
-    """Which rows are later than all before; an error if these are too many or all but one."""
+def _forward(t_s: FloatArray, disorder: str, name: str) -> tuple[NDArray[np.bool_], list[Notice]]:
+    """Which rows (n,) are later than all before, and a notice of the others; InputError if these are too many."""
     forward = runs_forward(t_s)
     late = int((~forward).sum())
     if late > MAX_LATE_SHARE * len(t_s) or len(t_s) - late < 2:
         raise InputError(disorder, name=name, late=late, rows=len(t_s))
-    if late:
-        notices.append(Notice("time-runs-back", name=name, late=late, rows=len(t_s)))
-    return forward
+    return forward, [Notice("time-runs-back", name=name, late=late, rows=len(t_s))] if late else []
 
 
 def inertial_facts(track: InertialTrack) -> dict[str, Any]:

@@ -107,11 +107,14 @@ class LineCsv(FileReader):
 
     def _all_sweeps(self) -> Iterator[Scan]:
         for i, path in enumerate(self.paths):
-            with CsvFile(path, self.notices) as file:
+            with CsvFile(path) as file:
                 file.require(LINE_SCHEMA, "missing-column.of-line-scanner")
-                for scan in self._sweeps(file):
-                    self.share_read = (i + file.share_read) / len(self.paths)
-                    yield scan
+                try:
+                    for scan in self._sweeps(file):
+                        self.share_read = (i + file.share_read) / len(self.paths)
+                        yield scan
+                finally:  # also where no more scans are taken
+                    self._add_notices(*file.notices)
 
     def _conclude(self) -> None:
         """Set notices and clocks to what was read; InputError if it is implausible."""

@@ -262,25 +262,26 @@ class ReceiverLog(PositionLog):
             names = [self._name_of(kind) for kind, _ in counts.kinds.most_common(4)]
             frames = Text("{names:its {title} are {names}|no intact {title}}", names=names, title=self.frames_title)
             positions = LoggedPositions.none(name, self._no_position_messages(name, frames, counts))
-        facts = log_facts(counts, self.frames_title, self._name_of, name, self.notices) | dict(positions.facts)
+        self.notices += damage_notices(counts, name)
+        facts = log_facts(counts, self.frames_title, self._name_of) | dict(positions.facts)
         return replace(positions, facts=facts, scale="UTC from its messages")
 
 
-def log_facts(
-    counts: MessageCounts[Kind], title: str, name_of: Callable[[Kind], str], name: str, notices: list[Notice]
-) -> dict[str, Any]:
-    """Facts of the messages of a log, called `title`; damage is added to `notices`."""
+def damage_notices(counts: MessageCounts[Kind], name: str) -> Iterator[Notice]:
+    """A notice of the messages of a log that are damaged, if any are."""
     if counts.bad or counts.cut or counts.foreign_bytes:
-        notices.append(
-            Notice(
-                "messages-damaged",
-                name=name,
-                bad=counts.bad,
-                cut=counts.cut,
-                foreign_bytes=counts.foreign_bytes,
-                intact=counts.intact,
-            )
+        yield Notice(
+            "messages-damaged",
+            name=name,
+            bad=counts.bad,
+            cut=counts.cut,
+            foreign_bytes=counts.foreign_bytes,
+            intact=counts.intact,
         )
+
+
+def log_facts(counts: MessageCounts[Kind], title: str, name_of: Callable[[Kind], str]) -> dict[str, Any]:
+    """Facts of the messages of a log, called `title`."""
     return {
         title: {name_of(kind): count for kind, count in counts.kinds.most_common()},
         "intact": counts.intact,

@@ -125,16 +125,24 @@ def open_heights(path: Path, unusable: Callable[[Path, Words], InputError]) -> I
             than heights, or states a unit that is none of length.
     """
     with open_geotiff(path, unusable) as raster:
-        expect_heights(raster, path, unusable)
-        if raster.units[0] and _unit_m(raster.units[0]) is None:
-            raise unusable(
-                path, Text("states its heights in {unit!r}, which is no known unit of length", unit=raster.units[0])
-            )
+        expect_known_heights(raster, path, unusable)
         scale = height_scale(raster, path)
         assert scale.crs is not None
         if scale.crs.is_geographic:
             expect_degrees(path, np.array(raster.bounds).reshape(2, 2), scale.crs, "layer")
         yield HeightRaster(raster, scale, scale.crs)
+
+
+def expect_known_heights(raster: Any, path: Path, unusable: Callable[[Path, Words], InputError]) -> None:
+    """Raises InputError where the first band of an open raster is no heights, or states a unit that is none of length.
+
+    Errors as :func:`~furrowmap.core.readers.geotiff.expect_heights`.
+    """
+    expect_heights(raster, path, unusable)
+    if raster.units[0] and _unit_m(raster.units[0]) is None:
+        raise unusable(
+            path, Text("states its heights in {unit!r}, which is no known unit of length", unit=raster.units[0])
+        )
 
 
 def height_scale(raster: Any, path: Path) -> HeightScale:

@@ -118,6 +118,10 @@ class FileReader:
         """The files, for messages."""
         return recording_name(self.paths)
 
+    def _add_notices(self, *notices: Notice) -> None:
+        """Add those that are new: a file may be read more than once."""
+        self.notices[:] = dict.fromkeys([*self.notices, *notices])
+
     def as_read(self, notices: Iterable[Notice]) -> list[Notice]:
         """Those that are about the recording: between glances at it there are pauses, which are none of its own."""
         return [notice for notice in notices if self.options.glance_s is None or notice.code != "pauses"]

@@ -1,7 +1,6 @@
 """States of the implement from a CSV of the times at which they change."""
 
 import math
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -44,7 +43,11 @@ class StatesCsv(FileReader):
         InputError, with the line, if a row is invalid or the times do not increase.
         """
         self.notices = []
-        rows = [row for path in self.paths for row in _rows(path, self.notices)]
+        rows: list[_Row] = []
+        for path in self.paths:
+            of_file, doubts = _rows(path)
+            rows += of_file
+            self.notices += doubts
         for (t_s, *_), (later_s, *_, where) in pairwise(rows):
             if later_s <= t_s:
                 raise InputError("rows-out-of-order", where=where, time=iso_utc(later_s), time_before=iso_utc(t_s))
@@ -79,10 +82,13 @@ class StatesCsv(FileReader):
         return Inspection(self.paths[0], self.format, self.title, facts, notices=tuple(reader.notices))
 
 
-def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState, float, float, float, Words]]:
-    """(t_s, state, sigma_s, confidence, common_share, file and line) of each row."""
+_Row = tuple[float, ToolState, float, float, float, Words]
+"""(t_s, state, sigma_s, confidence, common_share, file and line)."""
+
+
+def _rows(path: Path) -> tuple[list[_Row], list[Notice]]:
     try:
-        data, fault = read_small(path, MAX_STATES_BYTES, notices)
+        data, notices = read_small(path, MAX_STATES_BYTES)
     except ValueError as error:
         raise _bad(f"{path}: {error}") from None
     if data and not data.endswith((b"\n", b"\r")):
@@ -91,11 +97,12 @@ def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState,
         header = header_of(lines or [last])
         cells = [cell.lower() for cell in row_cells(last.decode("utf-8", "replace"), header.separator)]
         complete = len(cells) == len(header.names) and cells[-1] in _STATE_WORDS
-        if fault or not (complete or is_whole(last, lines[header.lines :], header.separator)):
+        if notices or not (complete or is_whole(last, lines[header.lines :], header.separator)):
             notices.append(Notice("last-line-cut", path=path))
             data = b"\n".join(lines)
-    table = text_rows(data, path, notices)
+    table = text_rows(data, path)
     standard = expected_once(table.names, _STATE_COLUMNS, path)
+    rows: list[_Row] = []
     for number, fields in table.rows:
         row = {standard[name]: text for name, text in fields.items()}
         if not any(row.values()):
@@ -109,7 +116,8 @@ def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState,
             min(max(_number(row, name, where, default), 0.0), 1.0)
             for name, default in (("confidence", 1.0), ("common_share", 0.0))
         )
-        yield _time_s(row, where), _STATE_WORDS[word], sigma_s, confidence, common, where
+        rows.append((_time_s(row, where), _STATE_WORDS[word], sigma_s, confidence, common, where))
+    return rows, [*notices, *table.notices]
 
 
 def _time_s(row: dict[str, str], where: Words) -> float:

@@ -13,9 +13,15 @@ import shapely
 from furrowmap.core.geodesy.crs_change import bounds_in, crs_change, horizontal_part
 from furrowmap.core.geodesy.longitudes import FEWEST_METRES, SaidBy, expect_degrees
 from furrowmap.core.readers.agopengps import elevation_file, read_elevations
-from furrowmap.core.readers.areas.area import nothing_within, read_area
-from furrowmap.core.readers.column_names import ELLIPSOIDAL_H, means, standard_name, unit_fault
-from furrowmap.core.readers.text_table import TextTable, column_names, is_spreadsheet, read_table
+from furrowmap.core.readers.column_names import (
+    ELLIPSOIDAL_H,
+    SEA_LEVEL_H,
+    means,
+    standard_name,
+    unit_fault,
+    without_unit,
+)
+from furrowmap.core.readers.text_table import TextTable, is_spreadsheet, read_table
 from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer, said_by
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError
@@ -56,6 +62,7 @@ _HEIGHT_COLUMNS: Final = (
     "h_m", "height", "h", "z", "elevation", "elev", "height_m", "alt", "標高", "altitude", "elevation_m", "z_m",
     "altitude_m", "alt_m", "orthometric height", "orthometric_height", "höhe", "hoehe", *_ELLIPSOIDAL,
 )  # fmt: skip
+_MEANT_HEIGHTS: Final = ("h_m", SEA_LEVEL_H, ELLIPSOIDAL_H)
 _ROLE_COLUMNS: Final = ("role", "point_role", "point_type", "gcp_type", "役割", "用途")
 """Of a column that says which points are of control and which are to check."""
 _DEVIATION_COLUMNS: Final = (
@@ -85,42 +92,6 @@ class SurveyedPoints:
 
     def __len__(self) -> int:
         return len(self.name)
-
-
-@dataclass(frozen=True)
-class SurveyOptions:
-    """What a user states about a file of surveyed points.
-
-    Attributes:
-        crs: of a file without one, and of a cloud without one.
-        sigma_m: standard deviation along each axis, where the file states none.
-        within: vector file, or CSV of corners, in whose polygons the points lie; None for all.
-    """
-
-    crs: pyproj.CRS | None = None
-    sigma_m: float | None = None
-    within: Path | None = None
-
-
-def survey_of(path: Path, target: pyproj.CRS, options: SurveyOptions) -> SurveyedPoints:
-    """The points of a file in the CRS of a product, without those outside the polygons.
-
-    Errors as :func:`read_points`; InputError if the polygons cannot be read, or hold none of the points.
-    """
-    survey = read_points(path, target, options.crs)
-    if options.within is None:
-        return survey
-    area = read_area(options.within, target)
-    kept = area.contains(survey.xyz_m)
-    if not kept.any():
-        east, north, _ = survey.xyz_m[0].tolist()
-        raise nothing_within(area, Text("{points} points in {name}", points=len(survey), name=path.name), (east, north))
-    names = tuple(name for name, inside in zip(survey.name, kept, strict=True) if inside)
-    notices = (*survey.notices, *area.notices)
-    role = tuple(role for role, inside in zip(survey.role, kept, strict=False) if inside)
-    return replace(
-        survey, name=names, xyz_m=survey.xyz_m[kept], sigma_m=survey.sigma_m[kept], role=role, notices=notices
-    )
 
 
 def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -> SurveyedPoints:
@@ -188,18 +159,6 @@ def _crs_of_rows(path: Path, rows: "_SurveyRows", stated: pyproj.CRS) -> pyproj.
     return compound_crs(base.to_2d(), stated.sub_crs_list[1]) if stated.is_compound else base.to_2d()
 
 
-def may_hold_points(path: Path) -> bool:
-    """Whether a file may hold points with heights, and is neither a cloud nor a raster; false if it is not there."""
-    try:
-        if elevation_file(path) is not None:
-            return True
-        with open_plain(path) as file:
-            head = file.read(4096)
-        return is_vector(head) or is_spreadsheet(path) or len(column_names(path)) > 1
-    except (FurrowmapError, OSError):
-        return False
-
-
 def in_degrees(path: Path) -> bool:
     """Whether a file has longitudes and latitudes without a CRS; false for what cannot be read."""
     try:
@@ -246,7 +205,8 @@ def _rows_of(path: Path, otherwise: pyproj.CRS | None = None) -> _SurveyRows:
     with open_plain(path) as file:
         head = file.read(4096)
     if not is_vector(head) or is_spreadsheet(path):
-        return _rows_of_table(path)
+        above_ellipsoid = otherwise is not None and height_kind(otherwise) == ELLIPSOIDAL_HEIGHT
+        return _rows_of_table(path, above_ellipsoid=above_ellipsoid)
     return replace(_rows_of_layer(path, otherwise), said_by=said_by(head))
 
 
@@ -299,6 +259,7 @@ def _rows_of_layer(path: Path, otherwise: pyproj.CRS | None) -> _SurveyRows:
         stated = table.numbers(column)[feature] * ((unit_m or 1.0) / (own_m or 1.0) if unit_m is not None else 1.0)
         is_told = unit_m not in (None, 1.0) and own_m in (None, 1.0)
         notices += [Notice("heights-in-feet", unit_m=unit_m)] if is_told else []
+        notices += _other_heights(table, column, path)
     xyz[:, 2], about = _heights(path, xyz[:, 2], column, stated)
     sigma, in_metres = _sigmas(table)
     found = (*notices, *layer.notices, *about)
@@ -335,10 +296,11 @@ def _heights(
     return heights, [Notice("points-two-heights", path=path.name, column=column, apart_m=float(np.median(apart)))]
 
 
-def _rows_of_table(path: Path) -> _SurveyRows:
+def _rows_of_table(path: Path, *, above_ellipsoid: bool) -> _SurveyRows:
     table = read_table(path, lambda why: _unreadable(path, Text("is no table: {why}", why=why)))
     place = _place(table)
-    height = _first_filled(table, _HEIGHT_COLUMNS) or table.find((*_HEIGHT_COLUMNS, ELLIPSOIDAL_H))
+    preferred = [name for name in _HEIGHT_COLUMNS if _is_ellipsoidal(table, name) == above_ellipsoid]
+    height = _first_filled(table, (*preferred, *_HEIGHT_COLUMNS)) or table.find((*_HEIGHT_COLUMNS, ELLIPSOIDAL_H))
     missing = [*(_PLACE_COLUMNS[0] if place is None else ()), *(_HEIGHT_COLUMNS[:1] if height is None else ())]
     if place is None or height is None:
         raise _unreadable(
@@ -360,10 +322,11 @@ def _rows_of_table(path: Path) -> _SurveyRows:
         raise _unreadable(
             path, Text("has latitudes such as {largest:g}: longitude and latitude are swapped", largest=largest)
         )
-    ellipsoidal = height in _ELLIPSOIDAL or standard_name(table.written.get(height, height)) == ELLIPSOIDAL_H
+    ellipsoidal = _is_ellipsoidal(table, height)
     unit_m = table.unit_m(height)
     xyz[:, 2] *= unit_m or 1.0
     notices = [*table.notices, *([Notice("heights-in-feet", unit_m=unit_m)] if unit_m not in (None, 1.0) else [])]
+    notices += _other_heights(table, height, path)
     units = () if degrees else tuple(table.unit_m(name) for name in place)
     sigma, in_metres = _sigmas(table)
     about = tuple(notices)
@@ -371,6 +334,29 @@ def _rows_of_table(path: Path) -> _SurveyRows:
     return _SurveyRows(
         _names(table), xyz, sigma, degrees, ellipsoidal, metres, in_metres, None, units, about, roles=_roles(table)
     )
+
+
+def _is_ellipsoidal(table: TextTable, name: str) -> bool:
+    """Whether a column says that its heights are above the ellipsoid."""
+    return name in _ELLIPSOIDAL or standard_name(table.written.get(name, name)) == ELLIPSOIDAL_H
+
+
+def _other_heights(table: TextTable, used: str, path: Path) -> list[Notice]:
+    """Notices of further columns of heights that differ from those that are used."""
+    found = []
+    used_m = table.numbers(used) * (table.unit_m(used) or 1.0)
+    for name in table.columns:
+        written = table.written.get(name, name)
+        meant = standard_name(written) or without_unit(written)
+        if name == used or (name not in _HEIGHT_COLUMNS and meant not in _MEANT_HEIGHTS):
+            continue
+        apart_m = np.abs(table.numbers(name) * (table.unit_m(name) or 1.0) - used_m)
+        apart_m = apart_m[np.isfinite(apart_m)]
+        if len(apart_m) and np.median(apart_m) > _OTHER_HEIGHT_M:
+            column = table.written.get(used, used)
+            values = {"path": path.name, "column": column, "other": written, "apart_m": float(np.median(apart_m))}
+            found.append(Notice("points-two-heights.columns", **values))
+    return found
 
 
 def _place(table: TextTable) -> tuple[str, str] | None:

@@ -19,6 +19,7 @@ from furrowmap.core.readers.column_names import (
     means,
     standard_name,
     states_unit,
+    with_units,
     without_unit,
 )
 from furrowmap.core.readers.csv_text import SEPARATORS, has_decimal_commas, header_of, separator_of_line
@@ -26,7 +27,7 @@ from furrowmap.core.readers.las.las_decoder import Decoder, Undecodable
 from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.readers.text_encoding import decoded
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, MissingExtraError, Notice
 from furrowmap.core.runtime.file_signatures import binary_kind, file_kind
 from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.memory import expect_disk, expect_growth, expect_memory
@@ -228,10 +229,6 @@ def _sheet(path: Path, unreadable: Callable[[Words], InputError]) -> TextTable:
     return replace(_table_of(rows, list(range(2, 1 + len(rows))), decimal_comma=False), path=path)
 
 
-def _reason(error: ValueError | OSError) -> str:
-    return str(error.strerror if isinstance(error, OSError) else error)
-
-
 def _plain_names(cells: Sequence[str]) -> list[str]:
     """Names in lower case; without what stands in brackets, unless it changes the meaning or tells columns apart."""
     short = [_UNIT.sub("", cell.strip()) for cell in cells]
@@ -251,7 +248,11 @@ def _means_other(written: str, plain: str) -> bool:
 
 
 def _table_of(rows: list[list[str]], lines: list[int], *, decimal_comma: bool) -> TextTable:
-    """The rows below the first, which has the names of the columns."""
+    """The rows below the first, which has the names of the columns, and below those of the second if it has units."""
+    titles = with_units(rows[0], rows[1]) if len(rows) > 1 else None
+    if titles is not None:
+        rows = [titles, *rows[2:]]
+        lines = lines[1:]
     names = _plain_names(rows[0])
     if len(names) * len(rows) > _MOST_CELLS + _PADDED_TIMES * sum(map(len, rows)):
         raise ValueError(f"it has {len(names):,} columns, of which most rows have only the first")
@@ -282,7 +283,11 @@ def _parse_table(path: Path) -> TextTable:
         rows = list(csv.reader(text, delimiter=separator, skipinitialspace=True))
     except csv.Error as error:  # such as a cell without an end
         raise ValueError(Text("it is no table of cells ({why})", why=error)) from None
-    table = _table_of(rows, [k for k, _ in lines[1 : len(rows)]], decimal_comma=has_decimal_commas(rows[1:], separator))
+    # Spreadsheets write rows of separators alone below a table.
+    kept = [k for k, row in enumerate(rows) if k == 0 or any(cell.strip() for cell in row)]
+    rows = [rows[k] for k in kept]
+    numbers = [lines[k][0] for k in kept[1:]]
+    table = _table_of(rows, numbers, decimal_comma=has_decimal_commas(rows[1:], separator))
     return replace(table, notices=tuple(notices), path=path)
 
 
@@ -307,7 +312,12 @@ def _decoded(path: Path) -> tuple[list[str], list[Notice]]:
 def _sheet_rows(path: Path) -> list[list[str]]:
     """The first sheet, read in a process that may die of it: a library panics on damage, or takes all memory."""
     if find_spec("python_calamine") is None:
-        raise InputError("extra-missing.spreadsheets", path=path)
+        raise MissingExtraError(
+            "python-calamine",
+            "trials",
+            Text("{path} is a spreadsheet, which is read by it.", path=path),
+            otherwise=Text("save the table as CSV"),
+        )
     process = Decoder()
     try:
         return process.sheet(path, _MOST_SHEET_TEXT)

@@ -328,7 +328,12 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     shapes = shapely.force_2d(polygons.shapes)
     crs = layer.crs
     if crs is None:
-        raise unreadable(Text("it states no CRS"))
+        raise InputError("polygons-no-crs", path=path, is_shapefile=head.startswith(SHAPEFILE_MAGIC))
+    base = crs.geodetic_crs
+    meridian = base.prime_meridian if base is not None else None
+    degree = base.axis_info[0].unit_conversion_factor / np.radians(1.0) if base is not None else 0.0
+    if meridian is None or meridian.longitude != 0.0 or abs(degree - 1.0) > 1e-9:
+        raise unreadable(Text("its CRS {name} is of no degrees from Greenwich", name=crs.name))
     corners = shapely.get_coordinates(shapes)
     if not np.isfinite(corners).all():
         raise unreadable(Text("a corner has coordinates that are not finite"))

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final, Self
 
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, plain_values, printed, sentences
 from furrowmap.core.runtime.languages.templates import holes_of, parts_of
-from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES, Text, Value, filled, templates
+from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES, Text, Value, Words, filled, templates
 
 CONTRADICTION: Final = "contradiction"
 CHECK_POINTS_OFF: Final = "check-points-off"
@@ -108,10 +108,43 @@ class UsageError(FurrowmapError):
     exit_status = 2
 
 
+class OptionError(UsageError):
+    """The value of an option is not what it takes.
+
+    Args:
+        option: its name, such as "--day".
+        value: as it was given.
+        wanted: what it takes.
+        example: of such a value.
+    """
+
+    def __init__(self, option: str, value: object, wanted: Text, example: str) -> None:
+        super().__init__("usage.option", option=option, text=value, wanted=wanted, example=f"{option} {example}")
+
+
 class InputError(FurrowmapError):
     """A file or its content is invalid."""
 
     exit_status = 3
+
+
+class MissingExtraError(InputError):
+    """A package that only some uses need is not installed.
+
+    Args:
+        package: the names by which it is installed.
+        extra: that has it, as in `pip install ".[extra]"`.
+        needed_for: a sentence that says what for.
+        otherwise: what to do without it.
+        error: of its import.
+    """
+
+    def __init__(
+        self, package: Words, extra: str, needed_for: Text, *, otherwise: Text | None = None, error: object = None
+    ) -> None:
+        super().__init__(
+            "extra-missing", package=package, extra=extra, needed_for=needed_for, otherwise=otherwise, error=error
+        )
 
 
 class RefusedError(FurrowmapError):

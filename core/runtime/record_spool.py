@@ -93,7 +93,7 @@ class RecordSpool:
             order = np.argsort((keys - lowest).astype(np.uint16) if short else keys, kind="stable")
             keys = keys[order]
             first = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
-            self.append([records[order]], keys[first], np.append(first, len(keys)))
+            self.append([records.take(order, axis=0)], keys[first], np.append(first, len(keys)))
 
     @property
     def counts(self) -> dict[int, int]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
 from furrowmap.core.runtime.errors import UsageError
-from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES
+from furrowmap.core.runtime.languages.texts import ENGLISH, LANGUAGES, Text
 
 Allowance = Literal["large", "damaged"]
 ALLOWANCES: Final[tuple[Allowance, ...]] = get_args(Allowance)
@@ -94,7 +94,8 @@ def threads() -> int:
     if not stated:
         return min(available_processors(), MAX_DEFAULT_THREADS)
     if not stated.isdecimal() or int(stated) < 1:
-        raise UsageError("usage.thread-count", stated=stated)
+        wanted = Text("an integer of at least 1")
+        raise UsageError("usage.environment", variable=THREADS_VARIABLE, value=stated, wanted=wanted)
     return int(stated)
 
 
@@ -113,7 +114,9 @@ def allows(what: Allowance) -> bool:
     """
     stated = {word.strip() for word in os.environ.get(ALLOW_VARIABLE, "").split(",")} - {""}
     if not stated <= set(ALLOWANCES):
-        raise UsageError("usage.allow-variable", environ=os.environ[ALLOW_VARIABLE], all=" or ".join(ALLOWANCES))
+        wanted = Text("{allowances:or}, or both separated by a comma", allowances=tuple(ALLOWANCES))
+        value = os.environ[ALLOW_VARIABLE]
+        raise UsageError("usage.environment", variable=ALLOW_VARIABLE, value=value, wanted=wanted)
     return what in stated | settings().allowed
 
 
@@ -124,5 +127,6 @@ def language_of_user(stated: str | None = None) -> str:
     """
     language = settings().language or stated or os.environ.get(LANGUAGE_VARIABLE) or ENGLISH
     if language not in LANGUAGES:
-        raise UsageError("usage.language-variable", language=language, languages=", ".join(LANGUAGES))
+        wanted = Text("one of {choices:or}", choices=LANGUAGES)
+        raise UsageError("usage.environment", variable=LANGUAGE_VARIABLE, value=language, wanted=wanted)
     return language

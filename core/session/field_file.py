@@ -63,7 +63,7 @@ class FieldFile:
                 unused.append(Notice("recording-unused.several-layers", file=name))
                 continue
             try:
-                outlines = [field.outline for field in read_fields(path)]
+                outlines = [field.outline for field in read_fields(path)[0]]
             except FurrowmapError as error:
                 if path.suffix.lower() != ".json":  # of which there are many kinds
                     unused.append(Notice("recording-unused", file=name, what=error.words("what")))

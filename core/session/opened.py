@@ -240,16 +240,15 @@ class OpenSession:
         )
         return level, heading
 
-    def images(self, notices: list[Notice]) -> Images:
-        """The images, by the clock of the positions. Raises InputError if a file cannot be read."""
+    def images(self) -> tuple[Images, list[Notice]]:
+        """The images, by the clock of the positions, and notices. Raises InputError if a file cannot be read."""
         camera = self.session.camera
         assert camera is not None
-        files = images_of(self.file, camera, notices)
+        files, notices = images_of(self.file, camera)
         if camera.topic is None:
-            return files
+            return files, notices
         images, warnings = self._recorded
-        notices += [notice for notice in warnings if notice not in notices]
-        return joined([files, images.earlier_by(camera.minus_gnss_s)])
+        return joined([files, images.earlier_by(camera.minus_gnss_s)]), notices + warnings
 
     def camera(self) -> Camera:
         """The camera: as stated, else as recorded. Raises InputError if neither has its intrinsics."""

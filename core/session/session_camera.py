@@ -77,10 +77,11 @@ def camera_table(session_file: Path, source: CameraSource | None) -> Path | None
         return None
 
 
-def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]) -> tuple[Path, ...]:
-    """The files of `[camera] files`, by name within each pattern. Raises InputError if one is outside the folder."""
+def camera_files(session_file: Path, source: CameraSource) -> tuple[tuple[Path, ...], list[Notice]]:
+    """The files of `[camera] files`, by name within each pattern, and notices; InputError outside the folder."""
     folder = resolved(session_file).parent
     found: dict[Path, None] = {}
+    notices = []
     for named in source.files:
         try:
             paths = matching(folder, named) if not _WILD.isdisjoint(named) else [folder / named]
@@ -99,24 +100,30 @@ def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]
         if not there:
             notices.append(_missing(named))
         found |= dict.fromkeys(resolved(path) for path in there)
-    return tuple(found)
+    return tuple(found), notices
 
 
-def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -> Images:
+def images_of(session_file: Path, source: CameraSource) -> tuple[Images, list[Notice]]:
     """The images of a session that are files, in the order of time, by the clock of the positions.
 
     InputError if a file lies outside the session's folder, or the table cannot be read.
     """
     folder = resolved(session_file).parent
     parts = []
+    notices: list[Notice] = []
     table = camera_table(session_file, source)
     if table is not None:
-        parts.append(read_image_table(table, folder, notices))
+        listed, found = read_image_table(table, folder)
+        parts.append(listed)
+        notices += found
     elif source.table is not None:
         notices.append(_missing(source.table))
     if source.files and source.topic is None:
-        parts.append(exif_images(camera_files(session_file, source, notices), notices))
-    return joined(parts).earlier_by(source.minus_gnss_s)
+        files, missing = camera_files(session_file, source)
+        named, found = exif_images(files)
+        parts.append(named)
+        notices += [*missing, *found]
+    return joined(parts).earlier_by(source.minus_gnss_s), notices
 
 
 def _missing(named: str) -> Notice:

@@ -1,6 +1,6 @@
 """Files beside the recordings of a flight: the table of its images, the parcels of a trial and their treatments."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -60,10 +60,16 @@ class TrialFiles:
             if not path.is_file():  # reading a pipe would wait for ever
                 continue
             if path.suffix.lower() in _VECTORS:
-                parcels = parcels or _parcels(path, notices)
+                if parcels is None:
+                    parcels, found = _parcels(path)
+                    notices += found
             elif path.suffix.lower() in _TABLES:
-                images = images or _images(path, notices)
-                treatments = treatments or (path if _has_treatments(path, notices) else None)
+                if images is None:
+                    images, found = _images(path)
+                    notices += found
+                if treatments is None:
+                    treatments, found = _treatments(path)
+                    notices += found
         return cls(images, parcels, treatments, tuple(dict.fromkeys(notices)), paths)
 
     @property
@@ -80,44 +86,43 @@ class TrialFiles:
 NO_TRIAL: Final = TrialFiles()
 
 
-def _images(path: Path, notices: list[Notice]) -> ImageTable | None:
+def _images(path: Path) -> tuple[ImageTable | None, Sequence[Notice]]:
     try:
         if path.suffix.lower() != ".csv" or not is_image_table(path):
-            return None
-        files = read_image_table(path, resolved(path).parent, told := list[Notice]()).paths
+            return None, []
+        images, notices = read_image_table(path, resolved(path).parent)
     except FurrowmapError:
-        return None
-    notices += told
+        return None, []
+    files = images.paths
     try:
-        return ImageTable(path, len(files), image_size(files[0]) if files else None)
+        return ImageTable(path, len(files), image_size(files[0]) if files else None), notices
     except InputError:  # without Pillow
-        return ImageTable(path, len(files), None)
+        return ImageTable(path, len(files), None), notices
 
 
-def _parcels(path: Path, notices: list[Notice]) -> ParcelFile | None:
+def _parcels(path: Path) -> tuple[ParcelFile | None, Sequence[Notice]]:
     try:
         polygons = open_polygons(path, None, partial(_unreadable, path))
     except FurrowmapError:
-        return None
+        return None, []
     rows = polygons.attributes
     columns = {name.casefold(): name for row in reversed(rows) for name in row}
     column = next((columns[name] for name in IDS if name in columns), None)
     if len(rows) < 2 or column is None:
-        return None
-    notices += polygons.notices
-    return ParcelFile(path, len(rows), column)
+        return None, []
+    return ParcelFile(path, len(rows), column), polygons.notices
 
 
-def _has_treatments(path: Path, notices: list[Notice]) -> bool:
+def _treatments(path: Path) -> tuple[Path | None, Sequence[Notice]]:
     try:
         if path.stat().st_size > _MOST_TABLE_BYTES:
-            return False
+            return None, []
         table = read_table(path, partial(_unreadable, path))
     except FurrowmapError:
-        return False
-    found = "treatment" in table.columns and table.find(IDS) is not None
-    notices += table.notices if found else ()
-    return found
+        return None, []
+    if "treatment" not in table.columns or table.find(IDS) is None:
+        return None, []
+    return path, table.notices
 
 
 def _unreadable(path: Path, why: Words) -> InputError:

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import distance_transform_edt, grey_opening, map_coordinates
 
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import InputError, MissingExtraError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.surfaces.breaklines import point_spacing_m, with_breaklines
 from furrowmap.core.surfaces.gaps import filled
 
@@ -31,8 +32,13 @@ class PointTile:
     members: NDArray[np.intp]
 
 
-def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterator[PointTile]:
-    """The squares that hold finite points (n, 2 or 3), each with the points in a margin of at most its side."""
+def tiles(
+    xyz_m: NDArray[np.float64], tile_m: float, margin_m: float, asked: NDArray[np.bool_] | None = None
+) -> Iterator[PointTile]:
+    """The squares that hold finite points (n, 2 or 3), each with the points in a margin of at most its side.
+
+    With `asked` (n,) only those that hold such a point.
+    """
     if not 0.0 <= margin_m <= tile_m:
         raise ValueError(f"a margin of {margin_m} m round squares of {tile_m} m")
     if not len(xyz_m):
@@ -46,6 +52,8 @@ def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterato
     squares = [(float(columns[k // len(rows)]), float(rows[k % len(rows)])) for k in keys.tolist()]
     parts = dict(zip(squares, np.split(order, first[1:]), strict=True))
     for (x, y), own in parts.items():
+        if asked is not None and not asked[own].any():
+            continue
         beside = [parts[x + i, y + j] for i, j in _BESIDE if (x + i, y + j) in parts]
         around = np.concatenate(beside) if beside else np.zeros(0, np.intp)
         low = np.array([x, y]) * tile_m - margin_m
@@ -135,9 +143,8 @@ def classify_ground(
     if method == "csf":
         require_cloth()
     finite = xyz if len(known) == len(xyz) else xyz[known]
-    for tile in tiles(finite, FILTER_TILE_M, min(2.0 * filter_.window_m, FILTER_TILE_M)):
-        if asked is not None and not asked[known[tile.own]].any():
-            continue
+    wanted = asked[known] if asked is not None else None
+    for tile in tiles(finite, FILTER_TILE_M, min(2.0 * filter_.window_m, FILTER_TILE_M), wanted):
         part = finite[tile.members]
         found = smrf_ground(part, filter_) if method == "smrf" else cloth_ground(part)
         ground[known[tile.own]] = found[: len(tile.own)]
@@ -220,7 +227,12 @@ def _opened(surface_m: FloatArray, reach: int) -> FloatArray:
 def require_cloth() -> None:
     """Raises InputError if the library is not installed."""
     if find_spec("CSF") is None:
-        raise InputError("extra-missing.cloth-filter")
+        raise MissingExtraError(
+            "cloth-simulation-filter",
+            "csf",
+            Text("Ground by 'csf' is classified by it."),
+            otherwise=Text("use the method 'smrf'"),
+        )
 
 
 def cloth_ground(xyz_m: NDArray[np.float64]) -> NDArray[np.bool_]:

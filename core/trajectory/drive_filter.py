@@ -1,5 +1,6 @@
 """Place, heading, tilt and speed of a wheeled vehicle while positions come in, where scans show how it turns."""
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -25,6 +26,23 @@ CLIMB_M: Final = 0.002
 JUMP_SQUARES: Final = 30.0
 JUMPS_IN_A_ROW: Final = 5
 """A position whose squared deviation is larger is left out, unless so many follow one another."""
+
+
+@dataclass(frozen=True)
+class ScannedWay:
+    """How far a vehicle went by scans, in the axes in which these have it turned.
+
+    Attributes:
+        way_m: (2,) in plan.
+        sigma_m: standard deviation of each of these.
+        speed_mps: at the end.
+        speed_sigma_mps: standard deviation of that.
+    """
+
+    way_m: FloatArray
+    sigma_m: float
+    speed_mps: float
+    speed_sigma_mps: float
 
 
 class DriveFilter:
@@ -56,30 +74,46 @@ class DriveFilter:
         self._jumps = 0
         self._drift_m = np.zeros(3)
 
-    def predict(self, t_s: float, turned: float, variance: float, climbed_m: float) -> None:
-        """Go on to a time, at which the scans have turned and climbed by so much, the turns with such a variance."""
+    def predict(
+        self, t_s: float, turned: float, variance: float, climbed_m: float, scanned: ScannedWay | None = None
+    ) -> None:
+        """Go on to a time, at which the scans have turned and climbed by so much, the turns with such a variance.
+
+        The vehicle went on at its speed, or as it was scanned.
+        """
         step_s = t_s - self._t_s
         yaw = 0.5 * (turned + self._turned) + float(self.mean[3])
         speed = float(self.mean[4])
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
         left = np.array([-ahead[1], ahead[0]])
-        way_m = abs(speed) * step_s
         kept = np.exp(-step_s / DRIFT_CORRELATION_S)
         design = np.diag([*np.ones(7), kept, kept, kept])
-        design[:2, 3] = speed * step_s * left
-        design[:2, 4] = step_s * ahead
-        design[2, 5:7] = speed * step_s * ahead
-        self.mean = design @ self.mean
-        self.mean[:2] -= design[:2, 3] * self.mean[3]
-        self.mean[2] += climbed_m - self._climbed_m
         noise = np.zeros((10, 10))
-        noise[:2, :2] = (SLIP * speed) ** 2 * SLIP_EVERY_S * step_s * np.outer(left, left)
+        if scanned is None:
+            plan = speed * step_s * ahead
+            design[:2, 4] = step_s * ahead
+            noise[:2, :2] = (SLIP * speed) ** 2 * SLIP_EVERY_S * step_s * np.outer(left, left)
+            noise[4, 4] = DRIVE_ACCELERATION**2 * step_s
+            if step_s > MAY_BRAKE_AFTER_S:
+                braking = np.array([*(0.5 * step_s**2 * ahead), 0.0, 0.0, step_s, *np.zeros(5)])
+                noise += BRAKES_MPS2**2 * np.outer(braking, braking)
+        else:
+            offset = float(self.mean[3])
+            east, north = scanned.way_m
+            plan = np.array(
+                [np.cos(offset) * east - np.sin(offset) * north, np.sin(offset) * east + np.cos(offset) * north]
+            )
+            design[4, 4] = 0.0
+            noise[:2, :2] = scanned.sigma_m**2 * np.eye(2)
+            noise[4, 4] = scanned.speed_sigma_mps**2
+        way_m = float(np.hypot(*plan))
+        design[:2, 3] = -plan[1], plan[0]
+        design[2, 5:7] = plan
+        moved = np.array([*plan, plan @ self.mean[5:7] + climbed_m - self._climbed_m])
+        self.mean = np.array([*(self.mean[:3] + moved), *self.mean[3:7], *(kept * self.mean[7:])])
+        self.mean[4] = speed if scanned is None else scanned.speed_mps
         noise[2, 2] = CLIMB_M**2 * way_m
         noise[3, 3] = max(0.0, variance - self._variance)
-        noise[4, 4] = DRIVE_ACCELERATION**2 * step_s
-        if step_s > MAY_BRAKE_AFTER_S:
-            braking = np.array([*(0.5 * step_s**2 * ahead), 0.0, 0.0, step_s, *np.zeros(5)])
-            noise += BRAKES_MPS2**2 * np.outer(braking, braking)
         noise[5, 5] = noise[6, 6] = SLOPE_WALK**2 * way_m
         noise[7:, 7:] = np.diag(self._drift_m**2 * (1.0 - kept**2))
         self.covariance = design @ self.covariance @ design.T + noise
@@ -88,8 +122,11 @@ class DriveFilter:
         self._variance = variance
         self._climbed_m = climbed_m
 
-    def take(self, xyz_m: FloatArray, arm_m: FloatArray, white_m: FloatArray, drift_m: FloatArray, fix: int) -> None:
-        """Take a position (3,) of the antenna, which the arm (3,) leads to from the origin, with errors (3,)."""
+    def take(self, xyz_m: FloatArray, arm_m: FloatArray, white_m: FloatArray, drift_m: FloatArray, fix: int) -> float:
+        """Take a position (3,) of the antenna, which the arm (3,) leads to from the origin, with errors (3,).
+
+        Gives its squared deviation from what was expected, 3 in the mean.
+        """
         self._drift_m = drift_m
         if fix != self._fix:
             self._fix = fix
@@ -102,15 +139,17 @@ class DriveFilter:
         off = xyz_m - self.mean[:3] - arm_m - self.mean[7:]
         noise = np.diag(white_m**2)
         spread = design @ self.covariance @ design.T + noise
-        if float(off @ np.linalg.solve(spread, off)) > JUMP_SQUARES:
+        squares = float(off @ np.linalg.solve(spread, off))
+        if squares > JUMP_SQUARES:
             self._jumps += 1
             if self._jumps < JUMPS_IN_A_ROW:
-                return
+                return squares
             self._forget_error(drift_m)
             self.covariance[:5, :5] += np.diag([*off**2, START_SIGMA[1] ** 2, START_SIGMA[2] ** 2])
             spread = design @ self.covariance @ design.T + noise
         self._jumps = 0
         self._update(design, spread, off)
+        return squares
 
     def take_yaw(self, off_rad: float) -> None:
         """Take a heading that two antennas showed, less the sum of the scans' turns."""

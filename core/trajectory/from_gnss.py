@@ -99,8 +99,7 @@ def trajectory_from_gnss(
     gated = kept.track
     notices = list(kept.notices)
     convergence = frame.convergence_deg(gated.lon_deg, gated.lat_deg)
-    sigma = sigmas_m(gated)
-    white = white_noise_m(gated, en, sigma[:, 0])
+    white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
     max_gap_s = longest_gap_s(gated.t_s)
     motions = find_motion(gated.t_s, en, float(np.median(white)), max_gap_s, quality_runs(gated.fix))
 

@@ -15,7 +15,7 @@ clocks was found and taken off before.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
@@ -75,6 +75,7 @@ from furrowmap.core.trajectory.inertial_start import (
     without_positions,
 )
 from furrowmap.core.trajectory.pose_errors import PoseErrors
+from furrowmap.core.trajectory.position_steps import with_steps
 from furrowmap.core.trajectory.shown_errors import (
     MIN_GAIN,
     with_shown_drift,
@@ -101,8 +102,7 @@ MAX_VARIANCE_FACTOR: Final = 1.3
 """Squared residuals over their expected ones; with more, something is not as stated."""
 MIN_DOUBTED_S: Final = 1.0
 MAX_DOUBTED_SHARE: Final = 0.02
-"""Outliers come one by one. Positions that lie outside of their noise for longer, in sum for so much of the time, have
-errors that their standard deviations do not hold: the trajectory bends from one to the other side of a step."""
+"""Outliers come one by one. What lies outside of the noise for longer, in sum for so much of the time, is no noise."""
 OWN_SCATTER_SHARE: Final = 0.75
 """White noise shows in the differences between positions; what they move by within a second shows less there."""
 MAX_NOISE_FACTOR: Final = 1.5
@@ -138,13 +138,12 @@ class Explained:
         if self.cause == "noise":
             links = self.adjusted.problem.links
             force = links.noise.force * max(links.force_times)
-            unseen = force > MAX_NOISE_FACTOR * densities(measured)[1] and self.times > MAX_NOISE_FACTOR
-            if unseen:
+            if force > MAX_NOISE_FACTOR * densities(measured)[1] and self.times > MAX_NOISE_FACTOR:
                 return Notice("contradiction.force-scatters", times=self.times, is_imu=self.is_certain)
             return Notice("imu-noisier", times=self.times)
         if self.cause == "scatter":
-            alone = scatter_by_themselves(self.adjusted)
-            return Notice("contradiction.scatter" if alone else "imu-misses-motion", times=self.times)
+            key = "contradiction.scatter" if scatter_by_themselves(self.adjusted) else "imu-misses-motion"
+            return Notice(key, times=self.times)
         return None
 
 
@@ -167,16 +166,10 @@ def scatter_by_themselves(adjusted: Fitted) -> bool:
 def agrees(adjusted: InertialAdjustment) -> bool:
     """Whether the residuals of an adjustment are as large as expected, and outliers come one by one."""
     t_s = adjusted.problem.positions.t_s
-    lasting_s = sum(float(t_s[last] - t_s[first]) for first, last in _doubted(adjusted))
-    return adjusted.variance_factor <= MAX_VARIANCE_FACTOR and lasting_s <= MAX_DOUBTED_SHARE * float(np.ptp(t_s))
-
-
-def _doubted(adjusted: InertialAdjustment) -> list[tuple[int, int]]:
-    """First and last of positions in a row that are doubted for more than MIN_DOUBTED_S."""
-    t_s = adjusted.problem.positions.t_s
-    doubted = adjusted.observed.weight < 1.0
-    edges = np.flatnonzero(np.diff(doubted, prepend=False, append=False)).reshape(-1, 2)
-    return [(first, end - 1) for first, end in edges.tolist() if t_s[end - 1] - t_s[first] > MIN_DOUBTED_S]
+    first, end = np.flatnonzero(np.diff(adjusted.observed.weight < 1.0, prepend=False, append=False)).reshape(-1, 2).T
+    lasting_s = t_s[end - 1] - t_s[first]
+    doubted_s = float(lasting_s[lasting_s > MIN_DOUBTED_S].sum())
+    return adjusted.variance_factor <= MAX_VARIANCE_FACTOR and doubted_s <= MAX_DOUBTED_SHARE * float(np.ptp(t_s))
 
 
 class Hypothesis(NamedTuple):
@@ -190,29 +183,26 @@ class Hypothesis(NamedTuple):
 def explained(adjusted: InertialAdjustment, *, by_noise_alone: bool) -> Explained:
     """An adjustment under the hypothesis that explains its residuals best; itself where it agrees.
 
-    On wheels another lever arm and steps are not looked for: a wheel that slips looks alike.
+    On wheels another lever arm is not looked for: a wheel that slips looks alike.
     """
     tried: list[Hypothesis] = []
-    in_air = not (by_noise_alone or adjusted.problem.hints.on_wheels)
-    if in_air and adjusted.constants.lever_off:
+    if not (by_noise_alone or adjusted.problem.hints.on_wheels) and adjusted.constants.lever_off:
         moved = with_constant(adjusted, "lever", lambda p, step: replace(p, lever_m=p.lever_m + step))[0]
         if agrees(moved):
             return _of_lever(adjusted, moved)
         tried = [Hypothesis("lever-arm", moved, 0.0)]
-    contradicts = not agrees(adjusted)
-    slow = [] if by_noise_alone else with_slower_errors(adjusted)
-    if contradicts or slow:
-        noise = with_noisier_imu(adjusted)
+    slow = [] if by_noise_alone else blamed("positions", with_shown_drift, adjusted)
+    if slow or not agrees(adjusted):
+        noise = blamed("noise", with_shown_force_noise, adjusted)
         tried += [*slow, *noise]
         if not by_noise_alone:
             for beside in (Hypothesis("scatter", adjusted, 1.0), *slow, *noise):
                 tried += with_scatter(beside)
-    tried += with_jumps(adjusted) if in_air and contradicts else []
     if not tried:
         return Explained("", adjusted)
     best, *others = sorted(tried, key=lambda one: one.fit.deviance)
     if best.cause in ("noise", "scatter") and slow:
-        still = with_slower_errors(best.fit)
+        still = blamed("positions", with_shown_drift, best.fit)
         best = still[0] if still else best
     if isinstance(best.fit, InertialAdjustment):
         return _of_lever(adjusted, best.fit)
@@ -226,45 +216,11 @@ def _of_lever(stated: InertialAdjustment, moved: InertialAdjustment) -> Explaine
     return Explained("lever-arm", moved, lever_off_m=moved.problem.lever_m - stated.problem.lever_m)
 
 
-def with_jumps(adjusted: InertialAdjustment) -> list[Hypothesis]:
-    """Steps between positions where the trajectory bends from one side to the other; each side may be off."""
-    positions = adjusted.problem.positions
-    doubted = _doubted(adjusted)
-    if not doubted:
-        return []
-    residual_m = np.nan_to_num(np.abs(adjusted.observed.residuals_m(adjusted.problem.knots, adjusted.state)))
-    begins = np.zeros(len(positions.t_s), np.bool_)
-    step_m = np.zeros(3)
-    for k, (first, last) in enumerate(doubted):
-        # The rows before a step and after it have residuals of either sign, and an undoubted one between them.
-        near = k > 0 and positions.t_s[first] - positions.t_s[doubted[k - 1][1]] < MIN_DOUBTED_S
-        begins[first if near else (first + last) // 2] = True
-        if near:
-            begins[sum(doubted[k - 1]) // 2] = False
-        step_m = np.maximum(step_m, 2.0 * residual_m[first : last + 1].max(axis=0))
-    run = positions.run + np.cumsum(begins)
-    starts = np.flatnonzero(np.diff(run, prepend=-1))
-    drift = positions.drift_m.copy()
-    drift[starts] = np.hypot(drift[starts], step_m)
-    with_steps = replace(positions, run=run, drift_m=drift)
-    times = float(np.linalg.norm(step_m) / np.median(np.linalg.norm(positions.drift_m, axis=1)))
-    problem = replace(adjusted.problem, positions=with_steps)
-    return _hypothesis("positions", problem, adjusted.state, times)
-
-
-def with_slower_errors(adjusted: Fitted) -> list[Hypothesis]:
-    """Slow errors of the positions as large as they are likeliest."""
+def blamed(cause: str, shown: Callable[[Fitted], tuple[InertialProblem, float]], fit: Fitted) -> list[Hypothesis]:
+    """What a cause shows where it is as large as it is likeliest."""
     with suppress(np.linalg.LinAlgError):
-        problem, times = with_shown_drift(adjusted)
-        return _hypothesis("positions", problem, adjusted.state, times)
-    return []
-
-
-def with_noisier_imu(adjusted: Fitted) -> list[Hypothesis]:
-    """A noise of the specific force as large as it is likeliest, of the map's axes and of heights."""
-    with suppress(np.linalg.LinAlgError):
-        problem, times = with_shown_force_noise(adjusted)
-        return _hypothesis("noise", problem, adjusted.state, times)
+        problem, times = shown(fit)
+        return _hypothesis(cause, problem, fit.state, times)
     return []
 
 
@@ -419,10 +375,9 @@ def trajectory_from_inertial(
     kept = held_against_motion(kept, en)
     kept = without_height_steps(kept.told(*(climb_notices(kept.track, en) if hints.on_wheels else ())))
     gated = kept.track
-    notices = list(kept.notices)
     positions = positions_without_steps(gated, en)
     noise, shaken = with_shown_noise(imu.noise, imu.track)
-    notices += shaken
+    notices = [*kept.notices, *shaken]
     imu = replace(imu, noise=noise)
     site = site_of(gated, frame)
     lever = np.asarray(lever_m, np.float64)
@@ -443,21 +398,20 @@ def trajectory_from_inertial(
     trajectory = _trajectory(adjusted)
     turned = turned_mounting(trajectory, imu.mounting, source, on_wheels=hints.on_wheels)
     contradiction = found.notice(imu.track)
-    if contradiction is not None and not (
-        turned is not None and found.cause == "lever-arm"
-    ):  # which turns with the IMU
+    # The lever arm turns with the IMU.
+    if contradiction is not None and (turned is None or found.cause != "lever-arm"):
         notices.append(contradiction)
     if turned is not None:
         notices.append(turned.notice(source))
     trajectory = _as_doubtful(trajectory, found, contradiction, turned)
     far = np.nan_to_num(adjusted.observed.normalised(adjusted.problem.knots, adjusted.state)) > FAR_OFF_SIGMAS
+    # Between the knots of two runs, their slow errors are interpolated.
+    far &= np.diff(adjusted.problem.positions.run, append=adjusted.problem.positions.run[-1]) == 0
     if contradiction is None and far.any():
         notices.append(Notice("gnss-jumps.by-imu", unused=int(far.sum()), track=spans_in_words(gated, far)))
-    used = quality_words(gated.fix)
     figures = _figures(adjusted, imu.earlier_by(clock_s))
-    return InertialTrajectory(
-        trajectory, positions, used, kept.unused, tuple(notices), kept.levels_m, figures, adjusted
-    )
+    counts = quality_words(gated.fix), kept.unused
+    return InertialTrajectory(trajectory, positions, *counts, tuple(notices), kept.levels_m, figures, adjusted)
 
 
 def _adjusted(
@@ -468,13 +422,20 @@ def _adjusted(
     Rate and scale are only estimated in the air: a slipping wheel has the same effect.
     """
     found: list[tuple[InertialAdjustment, MountedImu, float, list[Notice]]] = []
-    for _ in range(MENDING_ROUNDS):
-        arm_m = lever_m - imu.mounting.xyz_m
-        searched_s = search_imu_clock(imu.in_vehicle_axes, positions, arm_m, on_wheels=hints.on_wheels)
+    stepping: tuple[Notice, ...] = ()
+    for number in range(MENDING_ROUNDS):
+        axes = imu.in_vehicle_axes
+        searched_s = search_imu_clock(axes, positions, lever_m - imu.mounting.xyz_m, on_wheels=hints.on_wheels)
         whole = InertialProblem.over_common_time(positions, imu.earlier_by(searched_s), site, lever_m, hints)
         problem, start, notices = first_guess(whole)
         adjusted, clock_s = with_clock(with_travel(adjust(problem, start)), searched_s)
-        found.append((adjusted, imu, clock_s, notices))
+        if number == 0:
+            error_m = adjusted.observed.errors_m(adjusted.problem.knots, adjusted.state)
+            stepped, stepping = with_steps(adjusted.problem.positions, error_m)
+            if stepping:
+                positions = stepped
+                continue
+        found.append((adjusted, imu, clock_s, [*notices, *stepping]))
         rate, scale = (
             share if in_air else 0.0 for share in adjusted.constants.shares_off(imu.clock_rate, imu.gyro_scale)
         )

@@ -13,6 +13,7 @@ import numpy as np
 
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.used_positions import (
+    AROUND,
     HEIGHT_JUMP_FLOOR_M,
     JUMP_SIGMAS,
     MAX_STEP_INTERVALS,
@@ -26,8 +27,6 @@ MAX_CLIMB_ACCELERATION_MPS2: Final = 10.0
 """Of an aircraft or a vehicle between two epochs."""
 MEDIAN_OF_NORMAL: Final = 0.6745
 """Median of absolute normal deviates, in their standard deviation."""
-AROUND: Final = (-3, -2, -1, 1, 2, 3)
-"""Intervals beside one, whose median speed of climb is that of the vehicle."""
 
 
 def without_height_steps(positions: UsedPositions, *, lasting: bool = False) -> UsedPositions:
@@ -55,9 +54,7 @@ def without_height_steps(positions: UsedPositions, *, lasting: bool = False) -> 
         steps = steps[track.fix[steps] == track.fix[steps + 1]]
     if not len(steps):
         return positions
-    level = np.zeros(len(track), np.intp)
-    level[steps + 1] = 1
-    level = np.cumsum(level)
+    level = np.searchsorted(steps, np.arange(len(track)))
     level_m = np.append(0.0, np.cumsum(step_m[steps]))
     sizes = np.bincount(level)
     level_m -= level_m[np.argmax(sizes)]

@@ -82,7 +82,7 @@ def held_against_motion(positions: UsedPositions, en_m: FloatArray) -> UsedPosit
         found = replace(positions, track=replace(track, sigma_h_m=rounded_m))
         if ROUNDED_SIGMA * step_m <= np.median(sigma_m):
             return found
-        return found.told(Notice("gnss-heights.rounded-values", source=_source(track), step_m=step_m))
+        return found.told(Notice("gnss-heights.rounded-values", source=track.source or "The GNSS log", step_m=step_m))
     held = held_heights(track.height_m, en_m)
     if not held.any():
         return positions
@@ -93,7 +93,7 @@ def held_against_motion(positions: UsedPositions, en_m: FloatArray) -> UsedPosit
         sigma_m[first:end] = np.hypot(sigma_m[first:end], least_m)
     notice = Notice(
         "gnss-heights.held-values",
-        source=_source(track),
+        source=track.source or "The GNSS log",
         held=int(held.sum()),
         count=len(track),
         way_m=float(sum(way_m[end - 1] - way_m[first] for first, end in edges.tolist())),
@@ -201,7 +201,3 @@ def held_heights(height_m: FloatArray, en_m: FloatArray) -> NDArray[np.bool_]:
         if np.linalg.norm(np.ptp(en_m[first:end], axis=0)) < HELD_WAY_M:
             held[first:end] = False
     return held
-
-
-def _source(track: GnssTrack) -> str:
-    return track.source or "The GNSS log"

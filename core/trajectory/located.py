@@ -373,8 +373,7 @@ def _with_imu(
     stated = {name: value for name, value in msgspec.structs.asdict(table.noise).items() if value is not None}
     mounting = Mounting(table.xyz_m, table.rpy_deg)
     noise = inertial_noise(table.kind, stated)
-    frozen: list[Notice] = []
-    measured = without_frozen(inertial.inertial(), frozen)
+    measured, frozen = without_frozen(inertial.inertial())
     lever_m = lever_arm_m(session)
     imu = MountedImu(measured, mounting, noise).earlier_by(table.minus_gnss_s)
     imu = replace(imu, track=inertial_within(imu.track, session.recording.span_s))

@@ -32,8 +32,7 @@ def carrier_of(located: Located, session: Session, file: Path | None) -> tuple[T
         return None, []
     if located.antenna is not None:
         raise InputError("mount-moves", file=file)
-    notices: list[Notice] = []
-    motion = read_mount(file, float(np.mean(located.trajectory.span_s)), notices)
+    motion, notices = read_mount(file, float(np.mean(located.trajectory.span_s)))
     begin_s, end_s = located.trajectory.span_s
     known_s = np.concatenate([[begin_s], motion.t_s[(motion.t_s > begin_s) & (motion.t_s < end_s)], [end_s]])
     length = np.diff(known_s)

@@ -36,6 +36,8 @@ JUMP_FLOOR_M: Final = 0.3
 HEIGHT_JUMP_FLOOR_M: Final = 1.0
 JUMP_SIGMAS: Final = 6.0
 MIN_POSITIONS_FOR_STEPS: Final = 10
+AROUND: Final = (-3, -2, -1, 1, 2, 3)
+"""Positions, or steps, beside one, whose median is that of the vehicle."""
 MAX_STEP_INTERVALS: Final = 5.5
 """Steps across gaps longer than this many intervals show nothing."""
 MAX_DRIVE_SPEED_MPS: Final = 15.0
@@ -81,7 +83,7 @@ def offsets(track: GnssTrack, en_m: FloatArray) -> Offsets:
         return Offsets(np.cumsum(new), off)
     dt = np.diff(t_s)
     speed = np.diff(en_m, axis=0) / dt[:, None]
-    around = np.clip(np.arange(len(dt))[:, None] + np.array([-3, -2, -1, 1, 2, 3]), 0, len(dt) - 1)
+    around = np.clip(np.arange(len(dt))[:, None] + np.array(AROUND), 0, len(dt) - 1)
     step = np.hypot(*((speed - np.median(speed[around], axis=1)) * dt[:, None]).T)
     follows = dt < MAX_STEP_INTERVALS * np.median(dt)
     reach = (
@@ -198,9 +200,8 @@ def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None) -> UsedPositions:
     else:
         wanted = np.isin(track.fix, fixes)
     use = positioned & wanted
-    unused = quality_words(track.fix[~use])
     if use.sum() >= 2:
-        return UsedPositions(track[use], unused, notices=notices)
+        return UsedPositions(track[use], quality_words(track.fix[~use]), notices=notices)
     source = track.source or "The GNSS log"
     placed = np.isfinite(track.lon_deg) & (track.fix != Fix.NONE)
     count = int(positioned.sum())
@@ -255,7 +256,7 @@ def jumps(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np
     if n < 7:
         return np.zeros(n, bool)
     # Mirrored at both ends, where a position would else be three of its neighbour's neighbours.
-    around = np.abs(np.arange(n)[:, None] + np.array([-3, -2, -1, 1, 2, 3]))
+    around = np.abs(np.arange(n)[:, None] + np.array(AROUND))
     around = n - 1 - np.abs(n - 1 - around)
     off = np.abs(xyz_m - np.median(xyz_m[around], axis=1))
     dt = t_s[around] - t_s[:, None]

@@ -1,5 +1,6 @@
 """Names of a CRS for users, and the distance of its datum from that of GNSS positions."""
 
+import math
 import re
 import warnings
 from collections.abc import Iterator
@@ -65,7 +66,7 @@ def full_name_of(crs: CRS) -> str:
 
 @lru_cache(maxsize=16)
 def datum_shift_m(base: CRS, lon_deg: float, lat_deg: float) -> float | None:
-    """Distance in metres between equal coordinates in a geographic CRS and in WGS 84; None if PROJ cannot transform."""
+    """Metres between equal coordinates in this and WGS 84; where PROJ knows none, None if modern, else infinite."""
     area: Any = AreaOfInterest(lon_deg, lat_deg, lon_deg, lat_deg)  # pyproj's types have two of that name
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # about missing grids, which change the result by a few metres
@@ -74,4 +75,5 @@ def datum_shift_m(base: CRS, lon_deg: float, lat_deg: float) -> float | None:
         moved: Any = transformer.transform(lon_deg, lat_deg)
         if np.isfinite(moved).all():
             return float(Geod(ellps="WGS84").inv(lon_deg, lat_deg, *moved)[2])
-    return None
+    known = base.ellipsoid
+    return None if known is None or abs(known.semi_major_metre - Geod(ellps="WGS84").a) < 1.0 else math.inf

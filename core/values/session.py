@@ -2,11 +2,12 @@
 
 import datetime as dt
 import math
-from typing import Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import msgspec
 from msgspec import Meta
 
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.values.rotation import Mounting
 
 SESSION_SCHEMA: Final = 1
@@ -23,6 +24,10 @@ ELLIPSOIDAL: Final = "ellipsoidal"
 
 Vector3 = tuple[float, float, float]
 ORIGIN: Final[Vector3] = (0.0, 0.0, 0.0)
+if TYPE_CHECKING:
+    Language = str
+else:
+    Language = Literal[LANGUAGES]  # one of those that are there: no type that is known before
 _Positive = Annotated[float, Meta(gt=0.0)]
 _OffsetS = Annotated[float, Meta(ge=-4e9, le=4e9)]
 """Between two clocks, one of which may begin in 1904, or be a century wrong; times keep a microsecond."""
@@ -269,7 +274,7 @@ class Run(TomlTable, frozen=True):
 class Report(TomlTable, frozen=True):
     """`[report]`: how the report page is written."""
 
-    language: Literal["en", "ja"] | None = None
+    language: Language | None = None
     area_unit: Literal["ha", "10a", "acre"] = "ha"
 
 

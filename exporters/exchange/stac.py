@@ -133,8 +133,9 @@ def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path
     items = [_linked_item(result.folder, result.report, target) for result in results]
     names = [item["id"] for item in items]
     for name in names:
-        if names.count(name) > 1:
-            raise InputError("session-twice.in-collection", name=name)
+        same = [result.folder for result, other in zip(results, names, strict=True) if other == name]
+        if len(same) > 1:
+            raise InputError("session-twice", folders=tuple(same), session=name)
     name, files = target.name or "furrowmap", [CATALOGUE, COLLECTION, *(f"{name}.json" for name in names)]
     description = "Georeferenced clouds and worked ground, a session each, made by furrowmap."
     about = {"id": name, "title": name, "description": description, "furrowmap:products": files}

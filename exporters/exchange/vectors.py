@@ -28,9 +28,9 @@ from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.readers.ogr_layers import layer_info
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, printable
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, MissingExtraError, Notice, printable
 from furrowmap.core.runtime.file_names import inside
-from furrowmap.core.runtime.languages.texts import texts_of
+from furrowmap.core.runtime.languages.texts import Text, texts_of
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.runtime.write_errors import writing
 from furrowmap.exporters.files.atomic import atomic_output
@@ -301,7 +301,7 @@ def _write_geoparquet(path: Path, layer: VectorLayer) -> None:
             path, index=False, compression="zstd", schema_version="1.1.0", write_covering_bbox=True
         )
     except ImportError:
-        raise FurrowmapError("extra-missing.geoparquet") from None
+        raise MissingExtraError("pyarrow", "parquet", Text("GeoParquet is written by it.")) from None
 
 
 def _write_through_memory(path: Path, layer: VectorLayer, driver: str, **options: Any) -> None:

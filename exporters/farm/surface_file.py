@@ -2,7 +2,7 @@
 
 import datetime as dt
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,8 +13,8 @@ from pyproj import CRS
 from rasterio.errors import RasterioError
 from rasterio.transform import Affine
 
-from furrowmap.core.readers.geotiff import open_geotiff
-from furrowmap.core.readers.raster_heights import HeightScale, height_scale
+from furrowmap.core.readers.geotiff import expect_crs, open_geotiff
+from furrowmap.core.readers.raster_heights import HeightScale, expect_known_heights, height_scale
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import resolved
@@ -23,6 +23,8 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.rasters.cog import Band
 from furrowmap.exporters.rasters.windows import shared_cells, window
 
+Unusable = Callable[[Path, Words], InputError]
+"""The error of a file, from what is wrong with it."""
 _OFF_CELLS: Final = 1e-3
 """Tolerance of a raster's bounds in cells, as its numbers are rounded."""
 
@@ -53,10 +55,18 @@ class SurfaceFile:
 
 
 def surface_file(path: Path) -> SurfaceFile:
-    """Read the metadata of a GeoTIFF with a CRS and square, north-up cells."""
+    """Read the metadata of a GeoTIFF with a CRS and square, north-up cells, whatever its bands are."""
+    return _surface_file(path, unusable, lambda raster, place, _: expect_crs(raster, place))
+
+
+def height_surface(path: Path, unusable: Unusable) -> SurfaceFile:
+    """As :func:`surface_file`, of heights above a datum; errors as :func:`.expect_known_heights`, too."""
+    return _surface_file(path, unusable, expect_known_heights)
+
+
+def _surface_file(path: Path, unusable: Unusable, expect: Callable[[Any, Path, Unusable], None]) -> SurfaceFile:
     with open_geotiff(path, unusable) as raster:
-        if raster.crs is None:
-            raise unusable(path, Text("has no CRS"))
+        expect(raster, path, unusable)
         width, skew, _, skew2, height = raster.transform[:5]
         if skew or skew2 or height >= 0 or abs(width + height) > 1e-9 * width:
             raise unusable(path, Text("has cells that are not square and north-up"))

@@ -161,13 +161,13 @@ def common_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
     """The CRS of a mosaic, with the heights of the surfaces, which must be of one system."""
     kinds = {heights_of(surface.crs) for surface in surfaces}
     if len(kinds) > 1:
-        raise RefusedError("mosaic-heights", kinds=", ".join(sorted(kind or "unknown" for kind in kinds)))
+        raise RefusedError("results-heights-mixed", kinds=", ".join(sorted(kind or "unknown" for kind in kinds)))
     crs = surfaces[-1].crs
     if wanted is None:
         for surface in surfaces:
             if not same_map(surface.crs, crs):
                 names = {"crs": name_of(crs), "other_crs": name_of(surface.crs)}
-                raise RefusedError("mosaic-crs", surfaces=surfaces[-1].path, surface=surface.path, **names)
+                raise RefusedError("results-crs-mixed", folder=surfaces[-1].path, other_folder=surface.path, **names)
         return crs
     if same_map(crs, wanted):
         return crs

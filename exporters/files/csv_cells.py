@@ -1,4 +1,4 @@
-"""CSV files and spreadsheets whose texts no program takes for a formula."""
+"""CSV files whose texts no program takes for a formula."""
 
 import csv
 import math
@@ -34,7 +34,7 @@ def write_csv(path: Path, columns: Iterable[str], rows: Iterable[Iterable[object
     with atomic_output(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(map(cell, columns))
-        table.writerows(map(_known, row) for row in rows)
+        table.writerows(map(known_or_empty, row) for row in rows)
 
 
 def write_csv_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
@@ -42,37 +42,6 @@ def write_csv_table(path: Path, columns: Sequence[str], rows: Iterable[Mapping[s
     write_csv(path, columns, ([row.get(name) for name in columns] for row in rows))
 
 
-def _known(value: object) -> object:
+def known_or_empty(value: object) -> object:
+    """A value for a cell; None for a number that is not known."""
     return None if isinstance(value, float | np.floating) and not math.isfinite(value) else cell(value)
-
-
-Rows = Sequence[Mapping[str, Any]]
-
-
-def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:
-    """Write a spreadsheet with a sheet of rows for each name, if openpyxl is installed; nan is an empty cell."""
-    try:
-        from openpyxl import Workbook
-        from openpyxl.styles import Font
-        from openpyxl.worksheet._writer import ALL_TEMP_FILES
-    except ImportError:
-        return
-    book = Workbook()
-    book.remove(book.active)
-    for name, rows in sheets.items():
-        sheet = book.create_sheet(name)
-        columns = list(dict.fromkeys(column for row in rows for column in row))
-        sheet.append([cell(column) for column in columns])
-        for row in rows:
-            sheet.append([_known(row.get(column)) for column in columns])
-        for head in sheet[1]:
-            head.font = Font(bold=True)
-            sheet.column_dimensions[head.column_letter].width = max(10, len(str(head.value)) + 2)
-        sheet.freeze_panes = "A2"
-    try:
-        with atomic_output(path) as unfinished:
-            book.save(unfinished)
-    except BaseException:
-        for name in ALL_TEMP_FILES:  # openpyxl itself removes those of a failed write when the process ends
-            Path(name).unlink(missing_ok=True)
-        raise

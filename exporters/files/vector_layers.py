@@ -17,7 +17,8 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.readers.vector_file import VectorLayer
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import MissingExtraError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.write_errors import writing
 
 if TYPE_CHECKING:
@@ -108,7 +109,9 @@ def geodataframe(layer: VectorLayer) -> geopandas.GeoDataFrame:
     try:
         import geopandas
     except ImportError:
-        raise InputError("extra-missing.table-packages", package="geopandas") from None
+        raise MissingExtraError(
+            "geopandas", "notebooks", Text("Tables of layers and figures are made by it.")
+        ) from None
     table = geopandas.GeoDataFrame(layer.columns, geometry=_in_one_world(layer), crs=layer.crs)
     times: dict[str, Any] = {
         name: table[name].dt.tz_localize("UTC") for name, v in layer.columns.items() if v.dtype == "datetime64[ms]"

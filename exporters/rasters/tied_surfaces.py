@@ -28,7 +28,7 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.mean_change import ChangeSums, MeanChange
 from furrowmap.core.surfaces.moved_surface import move_surface, reach_cells
-from furrowmap.exporters.farm.surface_file import OpenSurface, SurfaceFile, surface_file, unusable, warp_options
+from furrowmap.exporters.farm.surface_file import OpenSurface, SurfaceFile, height_surface, unusable, warp_options
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder
 from furrowmap.exporters.rasters.cog import CHANGE_BANDS, HEIGHT_BAND, STANDARD_ERROR_BAND, cog_output
@@ -85,8 +85,8 @@ def dated_surface(result: ResultFolder) -> DatedSurface:
     """The surfaces of a result; InputError if it has none, or a file is damaged."""
     if not (result.folder / DSM).is_file():
         raise InputError("tie-no-surface", folder=result.folder, dsm=DSM)
-    after = surface_file(result.folder / DSM)
-    before = surface_file(result.folder / DSM_BEFORE) if (result.folder / DSM_BEFORE).is_file() else after
+    after = height_surface(result.folder / DSM, unusable)
+    before = height_surface(result.folder / DSM_BEFORE, unusable) if (result.folder / DSM_BEFORE).is_file() else after
     known = "coverage" in result.layer_names
     shapes: Any = result.layer("coverage").shapes if known else []
     start = dt.datetime.fromisoformat(result.report["figures"]["start"])

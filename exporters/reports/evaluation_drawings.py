@@ -91,7 +91,7 @@ def track_map(found: Evaluation) -> Markup:
         part = np.clip(test[a : b + 1 if b in changes else b], sheet.box_m[:2], sheet.box_m[2:])
         if len(part) > 1:
             parts.append(sheet.line(part, "track", stroke=fix_colour(int(found.fix[a]))))
-    return sheet.svg(parts, Text("Trajectories: the reference in brown, the test by its kind of fix"))
+    return sheet.svg(parts, Text("Trajectories: the reference in indigo, the test by its kind of fix"))
 
 
 def services_map(evaluations: Mapping[str, Evaluation], colours: Mapping[str, str]) -> Markup:

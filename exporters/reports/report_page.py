@@ -139,7 +139,7 @@ def write_page(
         summary: of the cloud; None for no cloud.
         rasters: figures of the surfaces; None for no surfaces.
         of_tools: values for the template: `heights_m` of the parcels and `parcels`, their section; `features`, the
-            numbers of planes, lines and plants; `control`, the section of control points.
+            numbers of planes, lines and plants; `control`, the section of control points; `live`.
     """
     poses = found.placement.poses
     work = found.work
@@ -173,7 +173,7 @@ def write_page(
         range_images=range_images,
         box_m=box_m,
         relief=shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None,
-        **{"heights_m": (), "parcels": "", "features": None, "control": "", **of_tools},
+        **{"heights_m": (), "parcels": "", "features": None, "control": "", "live": None, **of_tools},
         activities=[(colour, name) for k, (name, colour) in enumerate(drawings.ACTIVITIES.items()) if k in active],
         fixes=fixes,
         sigma={

@@ -72,7 +72,7 @@ def run_report(
         "strip_differences": found.strip_differences.plain() if found.strip_differences is not None else None,
         "image_adjustment": found.image_aid.plain() if found.image_aid is not None else None,
         "strip_adjustment": found.strip_adjustment.plain() if found.strip_adjustment is not None else None,
-        "live": asdict(found.live) if found.live is not None else None,
+        "live": None,
         "clocks": _clocks(found),
         "warnings": [
             in_all_languages(notice, found.zone) | {"follows": cause.code if cause is not None else None}

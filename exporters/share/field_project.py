@@ -35,8 +35,15 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import window, windows
-from furrowmap.exporters.share.page_features import HIDDEN_AT_FIRST, moment_s
-from furrowmap.exporters.share.shown_layers import RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
+from furrowmap.exporters.share.page_features import moment_s
+from furrowmap.exporters.share.shown_layers import (
+    RELIEFS,
+    raster_style,
+    rasters_of,
+    shown_at_first,
+    title_of,
+    vector_style,
+)
 from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 from furrowmap.exporters.vectors.qgis_styles import (
     StyleClock,
@@ -57,7 +64,7 @@ COPIED_HEIGHTS: Final = frozenset({*RELIEFS, HEIGHT_ABOVE_GROUND, CHANGE})
 
 
 def write_field_project(staging: Path, result: ResultFolder, language: str, progress: Progress) -> list[str]:
-    """Write the project and its data; names of layers and classes are in `language`, "en" or "ja"."""
+    """Write the project and its data; names of layers and classes are in `language`, such as "en"."""
     crs, bounds = _place(result)
     root = project_root(printable(result.name), crs)
     tree = ET.SubElement(root, "layer-tree-group")
@@ -66,6 +73,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
     clock = StyleClock(result.zone, moment_s(figures["start"]), moment_s(figures["end"]))
     names = (FIELD, *rasters_of(result))
     shown: dict[ProjectLayer, bool] = {}
+    at_first = shown_at_first(result)
     for number, name in enumerate(names):
         progress("writing the project", number / len(names))
         _copy(result, name, staging)
@@ -77,7 +85,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         style = None
         fields = about["fields"].tolist()
         if f"{name}.qml" in packaged_styles():
-            packaged = packaged_style(f"{name}.qml")
+            packaged = vector_style(name)
             extremes = field_extremes(result.layer(name).columns) if extreme_fields(packaged) else {}
             style = finished_style(packaged, language, [clock], extremes, tools="tool" in fields)
             style = with_words(style, fields, language, report=False)
@@ -85,14 +93,14 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
             style = style.replace('name="style" type="QString" value="solid"', HATCHED)
         layer = ProjectLayer(name, kind, source, "ogr", style, title, read_only=True)
         put_vector_layer(within, layer, crs)
-        shown[layer] = len(result.layer_names) == 1 or name not in HIDDEN_AT_FIRST
+        shown[layer] = name in at_first
     for name in rasters_of(result):
         title = _in(language, title_of(name, result))
         layer = ProjectLayer(
             Path(name).stem, "raster", f"./{name}", "gdal", _style(raster_style(name), language), title
         )
         put_raster_layer(within, layer, crs)
-        shown[layer] = name in SHOWN_AT_FIRST
+        shown[layer] = Path(name).stem in at_first
     for layer, checked in shown.items():
         put_tree_layer(tree, layer, checked=checked)
     put_view(root, crs, bounds)

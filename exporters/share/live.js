@@ -1,47 +1,32 @@
 "use strict";
 // The page of `furrowmap live`: draws what the stream of events says, and sends nothing.
+// Before it the server writes LANGUAGES: of each code the name and the texts by their English.
 const WORDS = {
-  en: {
-    worked: "worked", left: "left", rate: "rate", speed: "speed", fix: "GNSS", overlap: "overlap", missed: "missed", unseen: "not seen", dropped: "lost scans",
-    sigma: "± 95 %", age: "age", togo: "to go",
-    down: "TOOL DOWN", up: "TOOL UP", unknown: "TOOL ?", north: "N", day: "Day", night: "Night", sound: "♪ on", silent: "♪ off", hide: "Put away",
-    fixed: "fixed", float: "float", single: "single", dgps: "DGPS", none: "none", ppp: "PPP", pps: "PPS", estimated: "estim.", manual: "manual", simulated: "simul.",
-    starting: "Connecting …", cut: "No connection. What is shown is {age} s old.", stale: "What is shown is {age} s old.", waiting: "Waiting: {what}",
-    over: "The recording has ended.", "over-waits": "The recording has ended. {seconds} s that were not shown are being worked out.",
-    "lost-scans": "Scans are being dropped: the computer is too slow. Ground not seen is hatched.", "lost-positions": "No GNSS position for {seconds} s. Ground not seen is hatched.",
-    "lost-tool": "State of the tool not seen. Ground not seen is hatched.", repair: "{seconds} s that were not shown are being worked out.",
-    gap: "gap", over_: "overlap", ahead: "boundary {m} m", eye: "Line from A to B: guidance for the eye, not for steering.", a: "A", b: "B", clear: "A–B ×",
-    "missing-positions": "no GNSS position: waiting for the receiver", "missing-heading": "heading unknown: drive some metres",
-    "missing-direction": "forward is assumed: first metres", "missing-tilt": "tilt not seen: the vehicle is taken as level",
-    "missing-implement": "no implement in the session: no ground worked", "missing-tool-learning": "tool not learned yet: lower and lift it some times",
-    "missing-tool": "state of the tool not seen",
-  },
-  ja: {
-    worked: "作業済み", left: "残り", rate: "能率", speed: "速度", fix: "GNSS", overlap: "重複", missed: "作業残し", unseen: "未確認", dropped: "欠落",
-    sigma: "± 95 %", age: "表示の遅れ", togo: "残り時間",
-    down: "作業機 下", up: "作業機 上", unknown: "作業機 ?", north: "北", day: "昼", night: "夜", sound: "♪ 入", silent: "♪ 切", hide: "閉じる",
-    fixed: "Fix", float: "Float", single: "単独", dgps: "DGPS", none: "なし", ppp: "PPP", pps: "PPS", estimated: "推定", manual: "手動", simulated: "模擬",
-    starting: "接続中 …", cut: "接続が切れました。表示は {age} 秒前のものです。", stale: "表示は {age} 秒前のものです。", waiting: "待機中: {what}",
-    over: "記録は終わりました。", "over-waits": "記録は終わりました。表示できなかった {seconds} 秒分を計算しています。",
-    "lost-scans": "処理が追いつかず、スキャンが欠落しています。未確認の範囲は斜線です。", "lost-positions": "GNSS の測位が {seconds} 秒間ありません。未確認の範囲は斜線です。",
-    "lost-tool": "作業機の状態が見えません。未確認の範囲は斜線です。", repair: "表示できなかった {seconds} 秒分を計算しています。",
-    gap: "すき間", over_: "重なり", ahead: "境界まで {m} m", eye: "A–B の直線: 目で見る目安です。操舵には使えません。", a: "A", b: "B", clear: "A–B ×",
-    "missing-positions": "GNSS の測位なし: 受信機を待っています", "missing-heading": "方位不明: 数メートル走行してください",
-    "missing-direction": "前進方向は仮定です(走り始め)", "missing-tilt": "傾きが見えません: 水平とみなします",
-    "missing-implement": "セッションに作業機がないため、作業済みの範囲は出ません", "missing-tool-learning": "作業機を学習中: 数回上げ下げしてください",
-    "missing-tool": "作業機の状態が見えません",
-  },
+  worked: "worked", left: "left", rate: "rate", speed: "speed", fix: "GNSS", overlap: "overlap", missed: "missed", unseen: "not seen", dropped: "lost scans",
+  sigma: "± 95 %", age: "age", togo: "to go",
+  down: "TOOL DOWN", up: "TOOL UP", unknown: "TOOL ?", north: "N", day: "Day", night: "Night", sound: "♪ on", silent: "♪ off", hide: "Put away",
+  fixed: "fixed", float: "float", single: "single", dgps: "DGPS", none: "none", ppp: "PPP", pps: "PPS", estimated: "estim.", manual: "manual", simulated: "simul.",
+  starting: "Connecting …", cut: "No connection. What is shown is {age} s old.", stale: "What is shown is {age} s old.", waiting: "Waiting: {what}",
+  over: "The recording has ended.", "over-waits": "The recording has ended. {seconds} s that were not shown are being worked out.",
+  "lost-scans": "Scans are being dropped: the computer is too slow. Ground not seen is hatched.", "lost-positions": "No GNSS position for {seconds} s. Ground not seen is hatched.",
+  "lost-tool": "State of the tool not seen. Ground not seen is hatched.", repair: "{seconds} s that were not shown are being worked out.",
+  gap: "gap", ahead: "boundary {m} m", eye: "Line from A to B: guidance for the eye, not for steering.", a: "A", b: "B", clear: "A–B ×",
+  "missing-positions": "no GNSS position: waiting for the receiver", "missing-heading": "heading unknown: drive some metres",
+  "missing-direction": "forward is assumed: first metres", "missing-tilt": "tilt not seen: the vehicle is taken as level",
+  "missing-implement": "no implement in the session: no ground worked", "missing-tool-learning": "tool not learned yet: lower and lift it some times",
+  "missing-tool": "state of the tool not seen",
 };
-const asked = document.documentElement.dataset.language || navigator.language || "en";
-// Without a Japanese font all its letters are the same box: then English is more use.
+// Without a font of the language, as of Japanese, all its letters are the same box: then English is more use.
 function drawn(letter) {
   const pen = Object.assign(document.createElement("canvas"), { width: 24, height: 24 }).getContext("2d");
   pen.font = getComputedStyle(document.body).font;
   pen.fillText(letter, 2, 20);
   return pen.canvas.toDataURL();
 }
-const language = asked.startsWith("ja") && drawn("作") !== drawn("業") ? "ja" : "en";
-const words = WORDS[language];
+const asked = document.documentElement.dataset.language;
+const known = (asked ? [asked] : navigator.languages).map((one) => one.split("-")[0]);
+const language = known.find((one) => LANGUAGES[one] && drawn(LANGUAGES[one].name[0]) !== drawn(LANGUAGES[one].name[1])) ?? "en";
+const words = Object.fromEntries(Object.entries(WORDS).map(([key, text]) => [key, LANGUAGES[language].texts[text] ?? text]));
 document.documentElement.lang = language;
 const $ = (id) => document.getElementById(id);
 const FIGURES = ["worked", "left", "rate", "speed", "overlap", "missed", "unseen", "dropped", "fix", "sigma", "age", "togo"];
@@ -232,7 +217,7 @@ function connect() {
     $("missing").replaceChildren(...missing.map((code) => Object.assign(document.createElement("li"), { textContent: words["missing-" + code] || code })));
     if (p.e_m === undefined) return;
     $("speed").innerHTML = number(3.6 * p.speed_mps, 1) + " <small>km/h</small>";
-    $("fix").textContent = p.position_age_s > 1 ? number(p.position_age_s, 0) + " s" : words[p.fix] || p.fix;
+    $("fix").textContent = missing.includes("positions") ? number(p.position_age_s, 0) + " s" : words[p.fix] || p.fix;
     const off_m = 1.73 * p.sigma_m;  // 95 % of the positions lie this near, with errors alike in both directions
     $("sigma").innerHTML = (off_m < 1 ? number(100 * off_m, 0) + " <small>cm</small>" : number(off_m, 1) + " <small>m</small>");
     showEdges(p.edge_m || [null, null]);
@@ -273,7 +258,7 @@ function showEdges(gaps) {
     bar.style[k ? "left" : "right"] = "50%";
     bar.className = gap > 0 ? "gap" : "over";
     said.className = gap === null ? "" : gap > 0.02 ? "gap" : "over";
-    const small = Object.assign(document.createElement("small"), { textContent: gap === null ? "" : gap > 0 ? words.gap : words.over_ });
+    const small = Object.assign(document.createElement("small"), { textContent: gap === null ? "" : gap > 0 ? words.gap : words.overlap });
     said.replaceChildren(gap === null ? "–" : (k ? centimetres(gap) + " ▶" : "◀ " + centimetres(gap)), small);
   });
 }
@@ -423,7 +408,7 @@ function say(age, now) {
   else if (waiting) [text, level] = [waiting, heardAt ? "bad" : "note"];
   else if (pose && age > 2) [text, level] = [words.stale.replace("{age}", seconds), "bad"];
   else if (now - droppedAt < DROPPED_SAID_MS) [text, level] = [words["lost-scans"], "bad"];
-  else if (pose && pose.position_age_s > 1) [text, level] = [fill("lost-positions", pose.position_age_s), "bad"];
+  else if (pose && missing.includes("positions")) [text, level] = [fill("lost-positions", pose.position_age_s), "bad"];
   else if (pose && missing.includes("tool") && Math.abs(pose.speed_mps) > 0.2) [text, level] = [words["lost-tool"], "bad"];
   else if (warning) [text, code] = [warning[language], warning.code];
   else if (figures && figures.waits_s > 0 && !missing.includes("tool-learning")) text = fill("repair", figures.waits_s);

@@ -23,7 +23,7 @@ from furrowmap.core.geodesy.local_time import local_time, zone_words
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import RefusedError, printable
-from furrowmap.core.runtime.languages.texts import LANGUAGES, SHARE, Text, Words, in_every_language, texts_of
+from furrowmap.core.runtime.languages.texts import LANGUAGES, SHARE, Text, Words, in_every_language, texts_by_language
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder, packaged_style, unreadable
 from furrowmap.exporters.rasters.web_images import encode_image
@@ -32,7 +32,7 @@ from furrowmap.exporters.reports.html_pages import render
 from furrowmap.exporters.reports.quantity_words import duration_words, margin_words
 from furrowmap.exporters.share.page_features import moment_s, shared_layer
 from furrowmap.exporters.share.page_points import BYTES_A_POINT, MAX_SHARED_POINTS, shared_points
-from furrowmap.exporters.share.shown_layers import BLENDED, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
+from furrowmap.exporters.share.shown_layers import BLENDED, raster_style, rasters_of, shown_at_first, title_of
 
 MAX_PICTURE_SIDE: Final = 2400
 """Pixels of the longer side of a picture."""
@@ -145,7 +145,7 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
         "extent": extent,
         "layers": [*layers, *pictures],
         "language": language,
-        "japanese": texts_of("ja", SHARE),
+        "languages": texts_by_language(SHARE),
     }
     _write_script(staging / DATA_SCRIPT, "furrowmapData", data | {"cloud": None})  # its size counts
     page = render("share.html", "script-src 'self'", "img-src 'self' data:", title=result.name, when=data["when"])
@@ -167,9 +167,10 @@ def _layers(result: ResultFolder, zone: ZoneInfo) -> tuple[list[dict[str, Any]],
     found = []
     boxes = []
     crs = None
+    at_first = shown_at_first(result)
     for name in result.layer_names:
         layer = result.layer(name)
-        shared = shared_layer(name, layer, zone, alone=len(result.layer_names) == 1)
+        shared = shared_layer(name, layer, zone, shown=name in at_first)
         crs = layer.crs
         if shared is not None:
             found.append(shared)
@@ -197,7 +198,7 @@ def _picture(staging: Path, result: ResultFolder, name: str) -> dict[str, Any]:
     return {
         "name": Path(name).stem,
         "title": title_of(name, result),
-        "shown": name in SHOWN_AT_FIRST,
+        "shown": Path(name).stem in shown_at_first(result),
         "multiply": name in BLENDED,
         "file": target,
         "extent": shown.box_m,

@@ -24,13 +24,12 @@ MAX_SHOWN_FEATURES: Final = 5000
 SIMPLIFICATION_M: Final = 0.01
 """By which outlines and lines are simplified."""
 MAP_DIGITS: Final = 3
-HIDDEN_AT_FIRST: Final = frozenset({"trajectory", "strip_differences", "strips"})
 Format = Callable[[Any, Mapping[str, Any]], str]
 """Of a value, and of the fields of its row."""
 
 
-def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, alone: bool) -> dict[str, Any] | None:
-    """A layer of `field.gpkg` as the page reads it, shown at first if it is `alone`; None for no features."""
+def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, shown: bool) -> dict[str, Any] | None:
+    """A layer of `field.gpkg` as the page reads it, on at first if it is `shown`; None for no features."""
     layer = layer.where(~(shapely.is_missing(layer.shapes) | shapely.is_empty(layer.shapes)))
     every = max(1, math.ceil(len(layer) / MAX_SHOWN_FEATURES))
     layer = layer.where(slice(None, None, every))
@@ -56,7 +55,7 @@ def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, alone: bool) 
     return {
         "name": name,
         "title": SHARED_LAYERS.get(name, name.replace("_", " ")),
-        "shown": alone or name not in HIDDEN_AT_FIRST,
+        "shown": shown,
         "every": every,
         "names_overflow": name != PARCELS_LAYER,
         "legend": _legend(style, symbols, layer),

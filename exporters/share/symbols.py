@@ -9,7 +9,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from furrowmap.exporters.files.result_folder import packaged_style, packaged_styles
+from furrowmap.exporters.files.result_folder import packaged_styles
+from furrowmap.exporters.share.shown_layers import vector_style
 
 _STOPS: Final = re.compile(r"create_ramp\(map\(([^)]*)\)\)")
 _RANKED: Final = re.compile(r'if\(maximum\("(\w+)"\) > (1|minimum)')
@@ -84,7 +85,7 @@ def layer_style(name: str, values: Mapping[str, Iterable[Any]]) -> LayerStyle:
     """The style of a layer; colours may depend on the least and the greatest of the `values` of its fields."""
     if f"{name}.qml" not in packaged_styles():
         return LayerStyle()
-    root = ET.fromstring(packaged_style(f"{name}.qml"))  # noqa: S314 - a file of this package
+    root = ET.fromstring(vector_style(name))  # noqa: S314 - a file of this package
     opacity = float(root.findtext("layerOpacity") or 1.0)
     renderer = next(root.iter("renderer-v2"))
     symbols = {str(one.get("name")): _symbol(one, opacity) for one in renderer.iter("symbol")}

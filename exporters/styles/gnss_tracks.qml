@@ -1,5 +1,5 @@
 <!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>
-<!-- Colour: the service, in the order and the colours of evaluation.html; the reference is brown and broken. -->
+<!-- Colour: the service, in the order and the colours of evaluation.html; the reference is as there and broken. -->
 <qgis version="3.34.0" styleCategories="Symbology|Labeling|MapTips">
  <renderer-v2 type="RuleRenderer" enableorderby="0" forceraster="0" symbollevels="0" referencescale="-1">
   <rules key="{0}">
@@ -10,7 +10,7 @@
    <symbol type="line" name="0" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleLine" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="line_color" type="QString" value="140,70,10,255"/>
+      <Option name="line_color" type="QString" value="90,61,255,255"/>
       <Option name="line_style" type="QString" value="dash"/>
       <Option name="line_width" type="QString" value="0.5"/>
       <Option name="line_width_unit" type="QString" value="MM"/>

@@ -18,8 +18,9 @@ from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.csv_cells import write_csv, write_csv_table, write_workbook
+from furrowmap.exporters.files.csv_cells import write_csv, write_csv_table
 from furrowmap.exporters.files.vector_layers import write_vector_layer
+from furrowmap.exporters.files.workbooks import write_workbook
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts
 
 PARCELS_LAYER: Final = "parcels"
@@ -148,7 +149,8 @@ _CORNER_DIGITS: Final = 10
 def expect_suffix(path: Path) -> None:
     """Raises UsageError if a file's name states neither GeoPackage nor GeoJSON."""
     if path.suffix.lower() not in _PLOT_SUFFIXES:
-        raise UsageError("plots-format", path=path, suffixes=" or ".join(_PLOT_SUFFIXES))
+        example = path.with_suffix(_PLOT_SUFFIXES[0]).name
+        raise UsageError("usage.suffix", path=path, suffixes=_PLOT_SUFFIXES, example=example)
 
 
 def write_parcels(path: Path, parcels: Sequence[Parcel], crs: CRS) -> None:

@@ -29,6 +29,7 @@ from ..basemap import (
     base_maps,
     is_service,
     known_layer,
+    note_reached,
     own_layer,
     remember,
     remembered,
@@ -180,10 +181,10 @@ class BaseMapChooser(QWidget):
         """Ask for one tile: QGIS itself shows nothing where a map cannot be reached."""
         probe = layer.customProperty(PROBE_PROPERTY)
         if probe:
-            self._fetch(probe, lambda _text: None)
+            self._fetch(probe, lambda _text: None, layer.id())
 
-    def _fetch(self, url: str, on_text: Callable[[str], None]) -> None:
-        """Get a file in the background; a failure is reported."""
+    def _fetch(self, url: str, on_text: Callable[[str], None], layer_id: str = "") -> None:
+        """Get a file in the background, of a layer or of a service; a failure is reported."""
         self.end()
         fetcher = self._fetcher = QgsNetworkContentFetcher()
 
@@ -194,7 +195,11 @@ class BaseMapChooser(QWidget):
             reply = fetcher.reply()
             status = reply.attribute(QNetworkRequest.Attribute.HttpStatusCodeAttribute)
             failed = reply.error() != QNetworkReply.NetworkError.NoError
-            if failed and (status is None or status in HTTP_REFUSALS or status >= 500):
+            unreached = failed and (status is None or status in HTTP_REFUSALS or status >= 500)
+            layer = QgsProject.instance().mapLayer(layer_id)
+            if layer is not None:
+                note_reached(layer, reached=not unreached)
+            if unreached:
                 text = self.tr(
                     "The map of {host} cannot be reached: {reason}.\nThe other layers do not need it. Check the "
                     "address and the network, or choose a map from a file."

@@ -133,6 +133,7 @@
   <message><source>Evaluate GNSS logs</source><translation>GNSS ログの評価</translation></message>
   <message><source>Evaluation (HTML)</source><translation>評価（HTML）</translation></message>
   <message><source>Every n-th point</source><translation>n 点ごとに 1 点</translation></message>
+  <message><source>Example on the command line</source><translation>コマンドラインの例</translation></message>
   <message><source>Exit with status 4 if the results contradict each other. They are written nevertheless.</source><translation>結果が互いに矛盾する場合は終了ステータス 4 とします。結果はその場合も書き出されます。</translation></message>
   <message><source>Export results</source><translation>実行結果のエクスポート</translation></message>
   <message><source>Extent</source><translation>領域</translation></message>
@@ -181,10 +182,11 @@
   <message><source>Images with the board</source><translation>板が写っている画像の数</translation></message>
   <message><source>Inner corners of the chessboard</source><translation>チェスボードの内側の角の数</translation></message>
   <message><source>Inner corners of the chessboard, such as 9x6.</source><translation>チェスボードの内側の角の数。例：9x6。</translation></message>
+  <message><source>Inputs</source><translation>入力</translation></message>
   <message><source>Inspect recordings</source><translation>記録を調べる</translation></message>
   <message><source>Its [camera] has the intrinsics. Without it they are estimated from the images.</source><translation>[camera] に内部パラメータがあるもの。指定しなければ画像から推定します。</translation></message>
   <message><source>Its [camera] names the images; GNSS and IMU give their poses. The scans are not read.</source><translation>[camera] で画像を指定したもの。位置と姿勢は GNSS と IMU から求めます。スキャンは読みません。</translation></message>
-  <message><source>Its name or identifier.</source><translation>名前または識別子。</translation></message>
+  <message><source>Its name or identifier; the list has the fields of the farm map.</source><translation>名前または識別子。一覧は農場マップの圃場です。</translation></message>
   <message><source>Keep every N-th point.</source><translation>N 点ごとに 1 点を使います。</translation></message>
   <message><source>Keep points in this box, in the CRS of the output.</source><translation>この領域内の点を使います。</translation></message>
   <message><source>Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].</source><translation>これらのクラスの点を使います。省略時はノイズと、furrowmap の点群の車両・作業機を除くすべて。</translation></message>
@@ -261,7 +263,6 @@
   <message><source>Of a rear tyre, in metres.</source><translation>後輪タイヤ 1 本の幅（m）。</translation></message>
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
   <message><source>Of the services in the tables: one per line, in the order of the logs.</source><translation>表に示すサービス名。ログの順に 1 行に一つ。</translation></message>
-  <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
   <message><source>One column per line, beside the dose.</source><translation>施用量のほかの要因の列を 1 行に 1 つ。</translation></message>
   <message><source>One column per line, such as location and year.</source><translation>場所や年などの列を 1 行に 1 つ。</translation></message>
   <message><source>One per line, in the order of the clouds: 2017-05-23.</source><translation>点群の順に 1 行に 1 つ：2017-05-23。</translation></message>
@@ -285,6 +286,7 @@
   <message><source>Output raster (.tif).</source><translation>出力ラスタ（.tif）。</translation></message>
   <message><source>Output raster: .vrt or .tif.</source><translation>出力ラスタ：.vrt または .tif。</translation></message>
   <message><source>Output: .html for a page, .csv for a table.</source><translation>出力：ページは .html、表は .csv。</translation></message>
+  <message><source>Outputs</source><translation>出力</translation></message>
   <message><source>Overwrite existing files</source><translation>既存のファイルを上書き</translation></message>
   <message><source>Page or table</source><translation>ページまたは表</translation></message>
   <message><source>Pairs</source><translation>名前で対応させる</translation></message>
@@ -749,12 +751,10 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Missed ground</source><translation>作業残し</translation></message>
   <message><source>Number of strips</source><translation>ストリップの数</translation></message>
   <message><source>Orthophoto</source><translation>オルソ画像</translation></message>
-  <message><source>Overlap of strips</source><translation>ストリップの重なり</translation></message>
   <message><source>Parcels of the trial</source><translation>区画</translation></message>
   <message><source>Passes of the tool</source><translation>行程</translation></message>
   <message><source>Paths of the vehicle</source><translation>車両の経路</translation></message>
   <message><source>Point cloud of the run</source><translation>点群</translation></message>
-  <message><source>Point density</source><translation>点密度</translation></message>
   <message><source>Points a square metre</source><translation>1 m²あたりの点数</translation></message>
   <message><source>Positions of the vehicle</source><translation>車両の位置</translation></message>
   <message><source>Relief</source><translation>起伏</translation></message>

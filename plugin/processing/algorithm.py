@@ -31,7 +31,7 @@ from ..interpreter import find_interpreter, is_usable
 from ..previews import open_preview
 from ..results import open_results
 from ..worker import WorkerCancelled, WorkerError, percent_of, run_command, stage_name
-from .description import ALGORITHMS, COMMAND_OPTIONS, TOOLBOX_GROUPS, Algorithm, Parameter
+from .description import ALGORITHMS, COMMAND_EXAMPLES, COMMAND_OPTIONS, TOOLBOX_GROUPS, Algorithm, Parameter
 from .layer_files import first_unknown, layer_files
 from .loading import is_raster, load_when_done, style_when_done
 from .parameters import qgis_output, qgis_parameter
@@ -49,6 +49,10 @@ ERROR_SETTING = "furrowmapErrorSetting"
 
 ERROR_EXTRA = "furrowmapErrorExtra"
 """Property of the feedback: the part of furrowmap that has to be installed."""
+
+
+PICTURE_WIDTH = 230
+"""Of the picture in the help, in pixels: the panel of a dialog has about as much."""
 
 
 class CommandAlgorithm(QgsProcessingAlgorithm):
@@ -90,12 +94,20 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         return ["furrowmap", "lidar", "gnss", "tractor", "point cloud", "tillage", *words]
 
     def shortHelpString(self) -> str:  # noqa: N802
-        """The summary, the help of each parameter, and the equivalent command; needs no network."""
-        parameters = [(p.description(), p.help()) for p in self.parameterDefinitions() if p.help()]
+        """A picture, the summary, what goes in and comes out, and an example; needs no network."""
+        picture = Path(__file__).with_name("pictures") / f"{self.description.group}.svg"
+        known = [p for p in self.parameterDefinitions() if p.help()]
+        written = [p for p in known if p.isDestination()]
+        given = [(p.description(), p.help()) for p in known if not p.isDestination()]
+        made = [(p.description(), p.help()) for p in written]
+        made += [(output.label, "") for output in self.description.outputs]
+        example = _html(COMMAND_EXAMPLES[self.description.command])
         paragraphs = [
+            f'<img src="{picture.as_uri()}" width="{PICTURE_WIDTH}">',
             _html(translated(self.description.summary)),
-            *(f"<b>{_html(label)}</b><br>{_html(text)}" for label, text in parameters),
-            f"{tr('On the command line:')} <code>furrowmap {self.description.command} --help</code>",
+            *_headed(tr("Inputs"), given),
+            *_headed(tr("Outputs"), [(translated(label), text) for label, text in made]),
+            f"{_bold(tr('Example on the command line'))}<br><code>{example}</code>",
         ]
         return "".join(f"<p>{text}</p>" for text in paragraphs)
 
@@ -337,6 +349,17 @@ def _are_numbers(text: str, count: int | None) -> bool:
 
 def _html(text: str) -> str:
     return escape(text, quote=False)
+
+
+def _bold(text: str) -> str:
+    """Not by `<b>`, to which the dark theme of QGIS gives a colour that cannot be read on it."""
+    return f'<span style="font-weight: bold">{_html(text)}</span>'
+
+
+def _headed(title: str, rows: Sequence[tuple[str, str]]) -> list[str]:
+    """A heading, and a paragraph for each label with its text; nothing for no rows."""
+    found = [_bold(label) + (f"<br>{_html(text)}" if text else "") for label, text in rows]
+    return [f"<u>{_html(title)}</u>", *found] if found else []
 
 
 class _Listener:

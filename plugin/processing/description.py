@@ -19,6 +19,8 @@ COMMAND_OPTIONS: dict[str, dict[str, dict[str, Any]]] = json.loads(
     Path(__file__).with_name("commands.json").read_text(encoding="utf-8")
 )
 """Command → argument's name or option → its facts. Written by `scripts/plugin_commands.py`."""
+COMMAND_EXAMPLES: dict[str, str] = json.loads(Path(__file__).with_name("examples.json").read_text(encoding="utf-8"))
+"""Command → one with its arguments, as its help has it. Written by the same script."""
 _TEXTS: dict[str, Any] = json.loads(Path(__file__).with_name("algorithms.json").read_text(encoding="utf-8"))
 TOOLBOX_GROUPS: dict[str, tuple[str, str]] = _TEXTS["groups"]
 """Id of a group in the toolbox → its title, and the first words of its commands."""
@@ -43,6 +45,7 @@ class Parameter:
         layers: which layer may stand for the file: "cloud", "raster or cloud", "polygons", "points", "table" or "".
         folder_of: pattern of files that stand for their folder, since a dialog that lists files offers no folders.
         if_absent: what the command gets where nothing is given.
+        lists: "fields" for a box with the fields of the farm map.
     """
 
     name: str
@@ -64,6 +67,7 @@ class Parameter:
     layers: str = ""
     folder_of: str = ""
     if_absent: str = ""
+    lists: str = ""
 
     @property
     def optional(self) -> bool:

@@ -35,6 +35,8 @@ def qgis_parameter(parameter: Parameter, translate: Callable[[str], str]) -> cor
         definition.setFlags(definition.flags() | core.QgsProcessingParameterDefinition.Flag.FlagAdvanced)
     if parameter.adds:
         definition.setMetadata({"widget_wrapper": {"dontconfirmoverwrite": True}})
+    if parameter.lists == "fields":
+        definition.setMetadata({"widget_wrapper": {"class": f"{__package__}.field_list.FieldListWrapper"}})
     return definition
 
 

@@ -15,7 +15,7 @@ try:
 except SystemExit as ended:
     assert not ended.code, ended.code
 import laspy, numba, pyogrio, rasterio
-print(sorted({"boto3", "geopandas", "pandas", "pyarrow", "requests"}.intersection(sys.modules)))
+print(sorted({"boto3", "cffi", "geopandas", "pandas", "pyarrow", "requests", "yaml"}.intersection(sys.modules)))
 import geopandas  # of an export of tables
 print(len(geopandas.GeoDataFrame({"a": [1]})))
 """

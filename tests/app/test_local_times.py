@@ -77,7 +77,7 @@ def test_kml_and_page__show_each_pass_at_the_same_time(
     export([result.path], "kml", tmp_path / "field.kml")
     folders = ET.parse(tmp_path / "field.kml").findall(".//{*}Folder")
     (folder,) = (one for one in folders if one.findtext("{*}name") == "passes")
-    page = shared_layer("passes", open_result(result.path).layer("passes"), TOKYO, alone=False)
+    page = shared_layer("passes", open_result(result.path).layer("passes"), TOKYO, shown=True)
     assert page is not None
     for one, mark, shown in zip(passes.itertuples(), folder.findall("{*}Placemark"), page["features"], strict=True):
         local = one.start.tz_convert(TOKYO)

@@ -13,12 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from furrowmap.core.runtime.imports import importing
 from furrowmap.kernel_cache import source_text, sources_digest
-from furrowmap.process import CACHE_VARIABLE, importing, keep_blas_single, keep_collections_rare, keep_kernels
+from furrowmap.process import CACHE_VARIABLE, keep_blas_single, keep_collections_rare, keep_kernels
 
 CODE = """
 import os, sys
 sys.path.insert(0, sys.argv[1])
+from furrowmap.core.runtime.imports import importing
 from furrowmap.process import keep_kernels
 keep_kernels()
 from furrowmap.warm_up import reporting_compilation
@@ -173,6 +175,7 @@ def test_freed_memory__is_used_again() -> None:
     code = """
 import resource, sys
 import numpy as np
+from furrowmap.core.runtime.imports import importing
 from furrowmap.process import keep_freed_memory
 if sys.argv[1] == "kept":
     keep_freed_memory()

@@ -131,9 +131,9 @@ def test_points__in_chunks_are_the_same(result: furrowmap.Result) -> None:
 
 def test_open3d__missing_is_reported_in_three_lines(result: furrowmap.Result, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "open3d", None)
-    with pytest.raises(furrowmap.RefusedError, match="open3d cannot be loaded") as caught:
+    with pytest.raises(furrowmap.InputError, match="package open3d is not installed") as caught:
         result.points().to_open3d()
-    assert (caught.value.code, len(str(caught.value).splitlines())) == ("no-open3d", 3)
+    assert (caught.value.code, len(str(caught.value).splitlines())) == ("extra-missing", 3)
 
 
 class Recorded(ModuleType):

@@ -26,7 +26,7 @@ from moto.server import ThreadedMotoServer
 
 import furrowmap
 from furrowmap.cli.main import COMMANDS
-from furrowmap.exporters.reports import html_pages as pages
+from furrowmap.exporters.reports import printed_pages as pages
 from furrowmap.workflows.live.hosts import OUTSIDE
 from tests.app.crops.test_growth import CRS, EAST, NORTH, PLOTS, write_flight
 from tests.app.crops.test_response import doses, table

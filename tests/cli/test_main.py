@@ -44,6 +44,30 @@ def test_help__describes_the_commands_own_options_and_names_the_others(
     assert named in (9, 10) or "COMMAND ..." in own or command == "worker"
 
 
+@pytest.mark.parametrize("options", [["--lang", "de"], ["--lang=ja", "-q"], ["-vv", "--threads", "1"], ["--json"]])
+@pytest.mark.parametrize("command", [["inspect"], ["gnss", "solve"], ["run"], ["farm", "list"]])
+def test_options_of_every_command__may_stand_before_it(
+    command: list[str], options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    status = command_line([*command, *options, "/not-there"])
+    behind = capsys.readouterr()
+    assert command_line([*options, *command, "/not-there"]) == status
+    assert capsys.readouterr() == behind
+    assert command_line([command[0], *options, *command[1:], "/not-there"]) == status
+    assert capsys.readouterr() == behind
+
+
+def test_options_of_every_command__without_a_command_leave_help_and_faults_as_they_are(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert command_line(["--threads", "2", "--help"]) == 0
+    assert "COMMAND ..." in capsys.readouterr().out
+    assert command_line(["--lang", "de"]) == 2
+    assert "kein Befehl" in capsys.readouterr().err
+    assert command_line(["--json", "--version"]) == 0
+    assert "proj" in json.loads(capsys.readouterr().out)
+
+
 def test_help__describes_once_what_every_command_has(capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line(["--help"]) == 0
     commands, _, described = capsys.readouterr().out.partition("\nOptions of every command:\n")

@@ -13,10 +13,11 @@ from click.testing import CliRunner
 
 from furrowmap import settings
 from furrowmap.cli.command_options import settings_options
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.options import options_of
 from furrowmap.core.values.plot_grid import PlotGrid
 
-CLASSES = [one for _, one in inspect.getmembers(settings, is_dataclass)] + [PlotGrid]
+CLASSES = [one for _, one in inspect.getmembers(settings, is_dataclass) if one is not Text] + [PlotGrid]
 
 
 def given(kind: type, *arguments: str) -> Any:

@@ -34,13 +34,13 @@ from furrowmap.core.simulator.scenario import load_scenario
 MAP = CRS.from_epsg(6677)
 READERS: dict[str, Callable[[Path], object]] = {
     "points-unreadable": lambda path: read_points(path, MAP),
-    "control-pixels-unreadable": lambda path: read_pixels(path, ("A",), []),
+    "control-pixels-unreadable": lambda path: read_pixels(path, ("A",)),
     "treatments-unreadable": read_treatments,
     "parcel-table-unreadable": lambda path: read_measured(path, "height_m"),
-    "parcels-unreadable": lambda path: read_parcels(path, MAP),
+    "parcels-unreadable": lambda path: read_parcels(path, MAP)[0],
     "within-unreadable": lambda path: read_area(path, MAP),
     "boundary-unreadable": read_fields,
-    "not-a-table": lambda path: read_image_table(path, path.parent, []),
+    "not-a-table": lambda path: read_image_table(path, path.parent),
     "parameters-unreadable": read_parameters,
     "session-unreadable": load_session,
 }
@@ -83,7 +83,7 @@ def test_promise_02__a_mount_of_another_kind_is_named(tmp_path: Path) -> None:
     path = tmp_path / "mount.csv"
     path.write_bytes(contents()["a PNG picture"])
     with pytest.raises(InputError, match="it is a PNG picture, not text") as refused:
-        read_mount(path, 0.0, [])
+        read_mount(path, 0.0)
     assert refused.value.code == "not-a-table"
 
 
@@ -100,7 +100,7 @@ def test_promise_02__a_geopackage_is_one_by_any_name(suffix: str, tmp_path: Path
     fields = gpd.GeoDataFrame({"id": ["A", "B"]}, geometry=[box(0, 0, 9, 9), box(20, 0, 29, 9)], crs=MAP)
     fields.to_file(tmp_path / "fields.gpkg")
     (tmp_path / "fields.gpkg").rename(tmp_path / f"fields.{suffix}")
-    assert [one.id for one in read_parcels(tmp_path / f"fields.{suffix}", MAP)] == ["A", "B"]
+    assert [one.id for one in read_parcels(tmp_path / f"fields.{suffix}", MAP)[0]] == ["A", "B"]
     points = gpd.GeoDataFrame({"name": ["P", "Q"]}, geometry=[Point(1, 2, 3), Point(4, 5, 6)], crs=MAP)
     points.to_file(tmp_path / "points.gpkg")
     (tmp_path / "points.gpkg").rename(tmp_path / f"points.{suffix}")
@@ -114,7 +114,7 @@ def test_promise_02__other_vector_files_are_known_by_content(driver: str, suffix
     fields = gpd.GeoDataFrame({"id": ["A"]}, geometry=[box(139.0, 36.0, 139.001, 36.001)], crs=4326)
     fields.to_file(tmp_path / f"fields.{suffix}", driver=driver)
     (tmp_path / f"fields.{suffix}").rename(tmp_path / "fields.csv")
-    assert [one.id for one in read_parcels(tmp_path / "fields.csv", MAP)] == ["A"]
+    assert [one.id for one in read_parcels(tmp_path / "fields.csv", MAP)[0]] == ["A"]
 
 
 @given(st.text(st.characters(categories=["L", "N", "P", "Zs"]), max_size=500), st.sampled_from(["utf-8", "utf-8-sig"]))

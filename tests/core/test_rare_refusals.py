@@ -192,7 +192,7 @@ def test_layers__for_geoparquet_need_pyarrow(tmp_path: Path, monkeypatch: pytest
     for name in [name for name in sys.modules if name.split(".")[0] == "pyarrow"]:
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with refusal("extra-missing", "pyarrow, which is not installed"):
+    with refusal("extra-missing", "package pyarrow is not installed"):
         write_vectors(FORMATS["geoparquet"], tmp_path / "out", layers, Origin("a test"))
 
 
@@ -222,7 +222,7 @@ def test_a_farm_map__that_another_program_has_locked(tmp_path: Path, monkeypatch
 @pytest.mark.parametrize("results", [["a"], ["a", "b"]])
 @pytest.mark.parametrize(("to", "arguments"), [("stac", {"layers": ["passes"]}), ("stac", {"crs": "EPSG:4326"})])
 def test_export__of_what_cannot_be_combined(results: list[str], to: str, arguments: dict[str, object]) -> None:
-    with pytest.raises(UsageError, match="cannot be combined with layers or a CRS"):
+    with pytest.raises(UsageError, match=f"--to {to} and --(layer|dst-crs) cannot be combined"):
         furrowmap.export(results, to, **arguments)  # type: ignore[arg-type]
 
 

@@ -27,7 +27,7 @@ from furrowmap.core.readers.reader import GROUP, ReadOptions, readers
 from furrowmap.core.readers.rosbag.bags import BagFiles, RosBag2
 from furrowmap.core.readers.states_csv import StatesCsv
 from furrowmap.core.readers.surveyed_points import read_points
-from furrowmap.core.runtime.errors import FurrowmapError, Notice
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.opened import open_session
 from furrowmap.exporters.farm.postgis import public_name
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
@@ -123,7 +123,7 @@ def test_files__too_large_for_what_they_are(tmp_path: Path, monkeypatch: pytest.
 
 def test_boundary__without_a_crs(tmp_path: Path) -> None:
     geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 1, 1)]).to_file(tmp_path / "a.shp")
-    with refusal("boundary-unreadable", "it states no CRS"):
+    with refusal("polygons-no-crs", "states no CRS"):
         boundary.read_fields(tmp_path / "a.shp")
 
 
@@ -221,22 +221,21 @@ def poses(lon: list[float], seconds: list[float] | None = None, scale: str = "un
 
 
 def test_poses__elsewhere_are_left_out_but_not_half_of_them() -> None:
-    notices: list[Notice] = []
-    assert len(poses([140.0] * 20 + [20.0] * 19).track(ReadOptions(), notices)) == 20
+    track, notices = poses([140.0] * 20 + [20.0] * 19).track(ReadOptions())
+    assert len(track) == 20
     assert [notice.code for notice in notices] == ["positions-elsewhere"]
     with refusal("positions-impossible", r"poses\.csv: \d+ of 39 poses are impossible or far from the others"):
-        poses([9.0 * k for k in range(39)]).track(ReadOptions(), [])
+        poses([9.0 * k for k in range(39)]).track(ReadOptions())
 
 
 def test_poses__of_an_unknown_week_are_reported_and_other_faults_are_errors() -> None:
     week = poses([140.0] * 20, [345_600.0 + k for k in range(20)], scale="gps")
-    notices: list[Notice] = []
-    facts, clocks = week.facts(ReadOptions(), notices)
+    facts, clocks, notices = week.facts(ReadOptions())
     assert facts["seconds_of_week"] == [345_600.0, 345_619.0]
     assert clocks == ()
     assert [notice.code for notice in notices] == ["no-gps-week"]
     with refusal("time-disorder", "19 of 20 poses are out of time order"):
-        poses([140.0] * 20, [1.78e9 - k for k in range(20)]).facts(ReadOptions(), [])
+        poses([140.0] * 20, [1.78e9 - k for k in range(20)]).facts(ReadOptions())
 
 
 def test_states__of_a_file_too_large_or_of_numbers_that_are_none(

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import ast
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
 
-from furrowmap.core.runtime.languages.texts import LANGUAGES, PLACES_WITH_OWN_WORDS, texts_of
+from furrowmap.core.runtime.languages.templates import parts_of, walk
+from furrowmap.core.runtime.languages.texts import (
+    LANGUAGES,
+    LIVE,
+    PLACES_WITH_OWN_WORDS,
+    SHARE,
+    TEXT_TABLE,
+    WORDS,
+    catalogue,
+    texts_of,
+)
 from furrowmap.exporters.reports.evaluation_page import DEFINITION_WORDS
 from furrowmap.exporters.vectors import labels
 from furrowmap.exporters.vectors.qgis_styles import tip_line
@@ -21,8 +29,8 @@ from tests.exporters.reports.test_templates import NAMES, texts
 from tests.test_code_reference import sources
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-CATALOGUES = ("pages", "layers", "styles", "terminal", "share")
-SCRIPTS = ("web/map.js", "web/cloud.js", "exporters/share/share.html")
+SCRIPTS = ("web/map.js", "web/cloud.js", "exporters/share/share.html", "exporters/share/live.js")
+TABLES = (TEXT_TABLE, WORDS, *PLACES_WITH_OWN_WORDS)
 STYLES = ("exporters/styles", "exporters/farm/styles")
 
 
@@ -54,12 +62,32 @@ def in_source() -> set[str]:
 
 
 @pytest.mark.parametrize("language", LANGUAGES[1:])
-@pytest.mark.parametrize("catalogue", CATALOGUES)
-def test_entries__are_of_texts_in_the_source(catalogue: str, language: str) -> None:
-    content = files("furrowmap.core.runtime.languages").joinpath(f"{language}_{catalogue}.toml").read_text("utf-8")
-    entries = {text for table in tomllib.loads(content).values() for text in table}
+@pytest.mark.parametrize("table", [TEXT_TABLE, *PLACES_WITH_OWN_WORDS])
+def test_entries__are_of_texts_in_the_source(table: str, language: str) -> None:
+    entries = set(catalogue(language)[table])
     scripts = "".join((CHECKOUT / name).read_text(encoding="utf-8") for name in SCRIPTS)
     assert not {text for text in entries - in_source() if f'"{text}"' not in scripts and f">{text}<" not in scripts}
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_languages__have_the_same_texts_with_the_same_values(table: str) -> None:
+    first, *others = (catalogue(language)[table] for language in LANGUAGES[1:])
+    assert others
+    for other in others:
+        assert other.keys() == first.keys()
+    for template in first if table == TEXT_TABLE else ():
+        wanted = {hole.name for hole in walk(parts_of(template))}
+        for language in LANGUAGES[1:]:
+            assert {hole.name for hole in walk(parts_of(catalogue(language)[TEXT_TABLE][template]))} <= wanted, template
+
+
+def test_live_page__has_all_its_texts_in_every_language() -> None:
+    script = (CHECKOUT / "exporters" / "share" / "live.js").read_text(encoding="utf-8")
+    words = script.partition("const WORDS = {")[2].partition("};")[0]
+    texts = set(re.findall(r': "([^"]+)"', words))
+    assert len(texts) > 50
+    for language in LANGUAGES[1:]:
+        assert set(texts_of(language, LIVE)) == texts
 
 
 @pytest.mark.parametrize("language", LANGUAGES[1:])
@@ -68,16 +96,4 @@ def test_words_of_tables__are_in_every_language(language: str) -> None:
     tables = (labels.COLUMN_LABELS, labels.FARM_LABELS, labels.FARM_LAYER_NAMES, *labels.VALUES.values())
     words = {word for table in tables for word in table.values()}
     assert {*words, *(definition.template for definition in DEFINITION_WORDS)} <= known.keys()
-    assert set(labels.SHARED_LAYERS.values()) <= texts_of(language, *PLACES_WITH_OWN_WORDS).keys()
-
-
-@pytest.mark.parametrize("language", LANGUAGES[1:])
-def test_catalogues__have_one_text_for_each_template(language: str) -> None:
-    """But for places that have words of their own."""
-    found: dict[str, set[str]] = {}
-    for file in files("furrowmap.core.runtime.languages").iterdir():
-        if file.name.startswith(f"{language}_") and file.name != f"{language}_messages.toml":
-            for name, table in tomllib.loads(file.read_text("utf-8")).items():
-                for template, text in table.items() if name not in PLACES_WITH_OWN_WORDS else ():
-                    found.setdefault(template, set()).add(text)
-    assert not {template: texts for template, texts in found.items() if len(texts) > 1}
+    assert set(labels.SHARED_LAYERS.values()) <= texts_of(language, SHARE).keys()

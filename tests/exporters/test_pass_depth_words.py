@@ -31,7 +31,7 @@ def test_depth__in_report_page_and_kml(written: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(passes["depth_sigma_m"], np.hypot(SOIL_SIGMA_M, passes["depth_spread_m"]))
     export([written], "kml", tmp_path / "field.kml")
     marks = ET.parse(tmp_path / "field.kml").findall(".//{*}Data[@name='depth_sigma_m']")
-    page = shared_layer("passes", open_result(written).layer("passes"), TOKYO, alone=False)
+    page = shared_layer("passes", open_result(written).layer("passes"), TOKYO, shown=True)
     report = render("passes.html", work=field()[1], zone=TOKYO, several=False, max_rows=60)
     assert page is not None
     assert "depth (approximate, ± 95 %)" in report

@@ -73,6 +73,16 @@ def test_texts_and_symbols__are_seen_and_told_apart_by_all(light: dict[str, str]
             assert apart > APART, (lack, one, other)
 
 
+@pytest.mark.parametrize("light", [DAY, NIGHT], ids=["day", "night"])
+def test_tool__is_told_from_ground_and_has_another_hue_than_overlap(light: dict[str, str]) -> None:
+    for matrix in LACKS.values():
+        tool = lab(matrix @ linear(light["tool-down"]))
+        others = [lab(matrix @ linear(light[name])) for name in ("worked", "overlap", "missed", "not-seen")]
+        assert min(float(np.linalg.norm(tool - other)) for other in others) > APART
+    hues = [np.degrees(np.arctan2(*lab(linear(light[name]))[[2, 1]])) for name in ("tool-down", "overlap")]
+    assert abs((hues[0] - hues[1] + 180.0) % 360.0 - 180.0) > 90.0
+
+
 def drawn(layer: str, option: str = "color") -> set[str]:
     """The colours of a layer in QGIS and QField, without their opacity."""
     root = ET.fromstring(packaged_style(f"{layer}.qml"))
@@ -85,6 +95,8 @@ def test_colours__are_the_same_in_qgis_and_on_the_pages() -> None:
     plugin = (Path(__file__).resolve().parents[2] / "plugin" / "styles.py").read_text(encoding="utf-8")
     rgb = [int(work_colours.WORKED_COLOUR[at : at + 2], 16) for at in (1, 3, 5)]
     assert f'WORKED_GROUND = "{",".join(map(str, rgb))},255"' in plugin
+    drawing = (Path(__file__).resolve().parents[2] / "plugin" / "dock" / "vehicle_view.py").read_text(encoding="utf-8")
+    assert f'IMPLEMENT_COLOUR = QColor("{work_colours.TOOL_DOWN_COLOUR}")' in drawing
     assert drawn("misses") == {work_colours.MISSED_COLOUR}
     assert drawn("coverage", "outline_color") == {work_colours.WORKED_COLOUR}
     assert drawn("boundary", "outline_color") == {work_colours.BOUNDARY_COLOUR}
@@ -93,10 +105,14 @@ def test_colours__are_the_same_in_qgis_and_on_the_pages() -> None:
         "tool_path", "line_color"
     )
     assert {work_colours.TOOL_DOWN_COLOUR, work_colours.TOOL_UP_COLOUR} < drawn("events")
+    assert work_colours.TOOL_DOWN_COLOUR in drawn("gnss_tracks", "line_color")  # the reference, as in evaluation.html
     ramp = re.search(r"create_ramp\(map\(0, '(.*?)', 0.5, '(.*?)', 1, '(.*?)'\)\)", packaged_style("passes.qml"))
     assert ramp is not None
     assert ramp.groups() == work_colours.PASS_RAMP
     assert tuple(pass_colour(number, 3) for number in (1, 2, 3)) == work_colours.PASS_RAMP
+    fill = re.findall(r"[\d.]+", str(layer_style("coverage", {}).default.fill))
+    assert [int(part) for part in fill[:3]] == rgb  # filled, as the plugin fills it
+    assert float(fill[3]) == pytest.approx(float(str(re.findall(r"WORKED_OPACITY = ([\d.]+)", plugin)[0])), abs=0.01)
     for name in ("overlaps", "misses"):  # as a shared page draws them
         style = layer_style(name, {})
         fills = {symbol.fill for symbol in (style.default, *style.by_value.values())}
@@ -115,6 +131,12 @@ def test_report__takes_them_from_the_one_file() -> None:
         ), rule
     keys = folder.joinpath("report.html").read_text(encoding="utf-8")
     assert set(re.findall(r"\(work_colours\.(\w+)_COLOUR, _", keys)) == {"OVERLAP", "MISSED", "TOOL_DOWN", "TOOL_UP"}
+
+
+@pytest.mark.parametrize("name", ["report.html", "evaluation.html"])
+def test_words__name_no_colour_of_another_set(name: str) -> None:
+    page = files("furrowmap.exporters.reports.templates").joinpath(name).read_text(encoding="utf-8")
+    assert re.findall(r"\bbrown\b", page, re.IGNORECASE) == []
 
 
 def test_live_page__has_them_by_day_and_night() -> None:

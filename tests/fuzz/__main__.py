@@ -33,7 +33,8 @@ def main() -> None:
     parser.add_argument("--only", help="names of readers, separated by commas; a part of a name is enough")
     parser.add_argument("--minutes", type=float, help="go on for so long, in rounds over all readers")
     parser.add_argument("--first", type=int, default=0, help="number of the first input")
-    parser.add_argument("--count", type=int, help="inputs for each reader and round [default: as in `make test`]")
+    parser.add_argument("--count", type=int, help="inputs for each reader and round [default: its own number]")
+    parser.add_argument("--part", type=float, default=1.0, help="of the own numbers of inputs")
     parser.add_argument(
         "--share-s", type=float, help="from the second round on, as many as each reader takes in so long"
     )
@@ -48,7 +49,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="furrowmap-fuzz-", dir=IN_MEMORY if IN_MEMORY.is_dir() else None) as folder:
         seeds = {}
         first = dict.fromkeys((entry.name for entry in entries), given.first)
-        count = {entry.name: given.count or entry.trials for entry in entries}
+        count = {entry.name: given.count or round(given.part * entry.trials) for entry in entries}
         while True:
             for entry in entries:
                 place = Path(folder, entry.name)

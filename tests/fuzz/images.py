@@ -44,12 +44,12 @@ def photo(kind: str) -> bytes:
 def read_table(path: Path) -> None:
     """As a session does."""
     is_image_table(path)
-    read_image_table(path, path.parent, [])
+    read_image_table(path, path.parent)
 
 
 def read_photo(path: Path) -> None:
     """Time, position and pixels; a run counts images that cannot be read."""
-    exif_images([path], [])
+    exif_images([path])
     try:
         read_pixels(path, 2)
     except ValueError as error:
@@ -96,7 +96,7 @@ def read_marked(path: Path) -> None:
     """An image beside them; lines of another form are left out."""
     image = path.parent / "a_0001.jpg"
     image.write_bytes(photo("JPEG"))
-    exif_images([image], [])
+    exif_images([image])
     if len(read_marks(path)) < 8:
         raise InputError("not-an-image", what="A mark is lost.", meaning="EXIF counts.", remedy="Copy it again.")
 

@@ -90,7 +90,7 @@ def read_stated_columns(path: Path) -> None:
 INERTIAL = (
     Entry("rosbag-imu", bag_seeds, read_bag, trials=60),
     Entry("line-scanner", line_seeds, read_line, trials=60),
-    Entry("vectornav", vectornav_seeds, EACH_WAY, trials=60),
+    Entry("vectornav", vectornav_seeds, EACH_WAY, trials=150),
     Entry("imu-csv-iso", lambda folder: [{"dji.csv": dji_log()}], read_stated_columns, trials=60),
     Entry("attitude-csv", lambda folder: [{"ahrs.csv": ahrs()}], EACH_WAY, trials=60),
 )

@@ -199,11 +199,11 @@ def agopengps(folder: Path) -> list[Files]:
 TEXTS = (
     Entry("boundary", boundaries, read_field, trials=60),
     Entry("agopengps", agopengps, lambda path: read_field(path.parent), trials=60),
-    Entry("parcels", parcels, lambda path: read_parcels(path, FRAME.crs, (5.0, 1.0)), trials=60),
+    Entry("parcels", parcels, lambda path: read_parcels(path, FRAME.crs, (5.0, 1.0))[0], trials=60),
     Entry("treatments", treatments, lambda path: read_treatments(path, dt.date(2017, 5, 23)), trials=60),
     Entry("parameters", parameters, read_par),
     Entry("antennas", antennas, lambda path: antenna_model(path, "TRM57971.00"), trials=60),
-    Entry("mount", mounts, lambda path: read_mount(path, 1.78e9, []), trials=60),
+    Entry("mount", mounts, lambda path: read_mount(path, 1.78e9), trials=60),
     Entry("session", sessions, read_session, trials=60),
     Entry("task-data-zip", archives, EACH_WAY),
     Entry("fields", worked, lambda path: fields(path.parent), trials=50),

@@ -37,7 +37,7 @@ class Entry:
         seeds: makes valid inputs, small ones, in an empty folder that it may use.
         ways: how an input is read, given the path of its first file; inputs go to each of them in turn.
         mend: makes the checksums of a damaged file right again.
-        trials: number of inputs in `make test`.
+        trials: number of inputs of a round.
     """
 
     name: str

@@ -12,6 +12,7 @@ from typing import Final
 import furrowmap
 from furrowmap.cli.main import attempt
 from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.runtime.write_errors import as_furrowmap_error
 from tests.fuzz_sessions.place import Place
 
@@ -99,7 +100,7 @@ def lines(place: Place, chance: Random, *, right: bool, deep: float) -> list[lis
             line = (_crs if chance.random() < 0.8 else _preview)(place, chance)
         if line[0] != "watch":
             line += ["--json"] if chance.random() < 0.7 else []
-            line += ["--lang", chance.choice(("ja", "en"))] if chance.random() < 0.15 else []
+            line += ["--lang", chance.choice(LANGUAGES)] if chance.random() < 0.15 else []
             line += [chance.choice(("--allow-damaged", "--allow-large"))] if chance.random() < 0.1 else []
         made.append(line)
     return made

@@ -17,6 +17,7 @@ from typing import Any, Final
 import rasterio
 
 from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from tests.fuzz_sessions.commands import NAMES_FILES
 from tests.fuzz_sessions.place import Listing, Place
 
@@ -91,7 +92,7 @@ def faults(
             json.loads(out, parse_constant=_no_constant)
         except ValueError as unread:
             yield "json", f"{unread}: {out[:500]}"
-    for code in ("fault", "out-of-memory", "batch-worker-lost"):
+    for code in ("fault", "out-of-memory", "worker-lost"):
         if f'"code": "{code}"' in out:
             yield "exception", out[out.index(f'"code": "{code}"') :][:1500]
 
@@ -105,7 +106,7 @@ def _error_faults(line: Sequence[str], status: int, error: FurrowmapError, raise
         yield "crash", f"{error}"
     if status != error.exit_status or status == 0:
         yield "status", f"exit status {status} with {error.code}"
-    for language in ("ja",) if "ja" in line else ("en",):
+    for language in [one for one in LANGUAGES if one in line] or LANGUAGES[:1]:
         lines = error.lines_in(language)
         if len(lines) != 3 or not all(one.strip() for one in lines):
             yield "lines", f"{error.code} has {lines}"

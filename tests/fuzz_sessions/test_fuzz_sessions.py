@@ -18,7 +18,7 @@ from tests.fuzz_sessions.grammar import KEYS, names_files
 from tests.fuzz_sessions.material import Material, Stock
 from tests.fuzz_sessions.trials import run
 
-SESSIONS = int(os.environ.get("SESSIONS", "100"))
+SESSIONS = int(os.environ.get("SESSIONS", "40"))
 
 
 def test_random_sessions__end_in_products_or_in_three_lines(tmp_path: Path) -> None:

@@ -11,11 +11,12 @@ import laspy
 import numpy as np
 import pytest
 import trimesh
+from laspy.vlrs.vlrlist import VLRList
 from pyproj import CRS
 
 from furrowmap.core.accuracy.product_check import check_product
 from furrowmap.core.pointclouds.joined_clouds import open_clouds
-from furrowmap.core.readers.surveyed_points import SurveyOptions
+from furrowmap.core.readers.chosen_survey import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.exporters.cloud.copc_file import CopcFormat, las_wkt
@@ -37,6 +38,9 @@ def las(path: Path, crs: str | None = "EPSG:26918", unit_m: float = 1.0, **form:
     header.scales, header.offsets = np.full(3, 0.0001), np.array([EAST, NORTH, 0.0])
     if crs is not None:
         header.add_crs(CRS.from_user_input(crs), keep_compatibility=False)
+    if "wkt" in form:
+        header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", form["wkt"].encode() + b"\0"))
+        header.global_encoding.wkt = True
     found = laspy.LasData(header)
     found.x, found.y, found.z = X, Y, Z / unit_m
     found.return_number[:] = found.number_of_returns[:] = 1
@@ -44,7 +48,13 @@ def las(path: Path, crs: str | None = "EPSG:26918", unit_m: float = 1.0, **form:
     return path
 
 
-def keys(path: Path, **kinds: int) -> Path:
+FEET_BY_ESRI = (
+    'VERTCS["NAVD_1988_Foot_US",VDATUM["North_American_Vertical_Datum_1988"],PARAMETER["Vertical_Shift",0.0],'
+    'PARAMETER["Direction",1.0],UNIT["Foot_US",0.3048006096012192]]'
+)
+
+
+def keys(path: Path, unit_m: float = US_FOOT, **kinds: int) -> Path:
     """LAS 1.2 with GeoTIFF keys: the map, and the vertical CRS and unit."""
     rows = {"projected": 3072, "vertical": 4096, "unit": 4099}
     entries = [(1024, 0, 1, 1), *((rows[name], 0, 1, value) for name, value in kinds.items())]
@@ -53,7 +63,7 @@ def keys(path: Path, **kinds: int) -> Path:
     header.scales, header.offsets = np.full(3, 0.0001), np.array([EAST, NORTH, 0.0])
     header.vlrs.append(laspy.VLR("LASF_Projection", 34735, "", data))
     found = laspy.LasData(header)
-    found.x, found.y, found.z = X, Y, Z / US_FOOT
+    found.x, found.y, found.z = X, Y, Z / unit_m
     found.write(path)
     return path
 
@@ -92,6 +102,16 @@ def e57_scan(path: Path) -> Path:
     return path
 
 
+def behind(folder: Path) -> Path:
+    """The CRS in an extended record, behind the points."""
+    cloud = laspy.read(las(folder / "none.las", None))
+    cloud.header.global_encoding.wkt = True
+    record = laspy.VLR("LASF_Projection", 2112, "", MAP.to_wkt("WKT1_GDAL").encode() + b"\0")
+    cloud.evlrs = VLRList([record])
+    cloud.write(folder / "a.las")
+    return folder / "a.las"
+
+
 def linked(folder: Path) -> Path:
     las(folder / "target.laz")
     (folder / "link.laz").symlink_to("target.laz")
@@ -115,6 +135,11 @@ PROPERTIES: Mapping[str, Made] = {
         folder / "a.las", projected=26918, vertical=5703, unit=9003
     ),
     "vertical unit in key 4099 alone": lambda folder: keys(folder / "a.las", projected=26918, unit=9003),
+    "WKT in an extended record": lambda folder: behind(folder),
+    "WKT by Esri, that of the heights behind that of the map": lambda folder: las(
+        folder / "a.las", None, US_FOOT, wkt=f"{MAP.to_wkt('WKT1_ESRI')},{FEET_BY_ESRI}"
+    ),
+    "heights in millimetres by key 4099": lambda folder: keys(folder / "a.las", 0.001, projected=26918, unit=1025),
     "heights of -9999 and 99999 for none": lambda folder: with_none(folder),
     "symbolic link": linked,
 }

@@ -122,9 +122,15 @@ def test_polygons__of_each_kind_are_what_a_geopackage_is(
     names = ["A1", "B2"][: len(shapes)]
     gpd.GeoDataFrame({"name": names}, geometry=list(shapes), crs=MAP).to_file(plain, engine="pyogrio")
     found = told(words(site, place, make(tmp_path / "given"), tmp_path / "a"), capsys)
-    same = told(words(site, place, plain, tmp_path / "b"), capsys)
+    key = (place, *(shape.wkt for shape in shapes))
+    if key not in PLAIN:
+        PLAIN[key] = told(words(site, place, plain, tmp_path / "b"), capsys)
     assert found
-    assert found == pytest.approx({key: same[key] for key in found}, rel=1e-3, abs=2e-3)
+    assert found == pytest.approx({name: PLAIN[key][name] for name in found}, rel=1e-3, abs=2e-3)
+
+
+PLAIN: dict[tuple[str, ...], dict[str, float]] = {}
+"""The numbers of GeoPackages, by place and shapes, of which many files are written."""
 
 
 @pytest.mark.parametrize("stated", POINTS)
@@ -161,6 +167,6 @@ def test_logs__of_each_kind_are_what_the_plain_one_is(
 def test_sample__a_session_takes_a_field_folder(shared_data: Path) -> None:
     opened = open_session(shared_data / "foreign/02-agopengps-folder-in-session/session.toml")
     assert opened.inputs.boundary is not None
-    (field,) = read_fields(opened.inputs.boundary)
+    (field,) = read_fields(opened.inputs.boundary)[0]
     assert field.names == ("North",)
     assert field.outline.area > 0.0

@@ -59,12 +59,25 @@ WAYS: Mapping[str, Callable[[str], bytes]] = {
     "empty lines": lambda text: text.replace("\n", "\n\n").encode(),
     "the first bytes lost": lambda text: (text[3:] if text.startswith("$") else text).encode(),
 }
+TAG_BLOCK = r"\\s:r1,c:1778576400*76\\"
+"""NMEA 4.10, 7; written as a template of regular expressions."""
+
+
+def in_feet(text: str) -> str:
+    feet = f",{55.0 / 0.3048:.5f},F,{45.0 / 0.3048:.5f},F,"
+    lines = [line[1:].split("*")[0].replace(",55.0,M,45.0,M,", feet) for line in text.splitlines()]
+    return "".join(map(sentence, lines))
+
+
 OF_NMEA: Mapping[str, Callable[[str], bytes]] = {
     "no checksums": lambda text: re.sub(r"\*..\n", "\n", text).encode(),
     "spaces after checksums": lambda text: text.replace("\n", "  \n").encode(),
     "times of arrival before the lines": lambda text: re.sub(
         r"^", "2026-05-12T09:00:00Z ", text, flags=re.MULTILINE
     ).encode(),
+    "tag blocks before the lines": lambda text: re.sub(r"^", TAG_BLOCK, text, flags=re.MULTILINE).encode(),
+    "lower-case checksums": lambda text: re.sub(r"\*..", lambda found: found[0].lower(), text).encode(),
+    "altitudes in feet": lambda text: in_feet(text).encode(),
     "binary messages between the lines": lambda text: text.encode().replace(
         b"$GNZDA", b"\xd3\x00\x04\x00\x01$\x02$GNZDA"
     ),
@@ -90,7 +103,9 @@ def log(folder: Path, stated: str) -> Path:
 def by_session(path: Path) -> FloatArray:
     reader = open_recording([path], ReadOptions())
     assert isinstance(reader, GivesTrack)
-    return reader.track().lat_deg
+    track = reader.track()
+    np.testing.assert_allclose(track.height_m, 100.0, atol=1e-4)
+    return track.lat_deg
 
 
 def by_inspect(path: Path) -> FloatArray:

@@ -86,7 +86,8 @@ def test_lists__are_what_the_tests_try(kind: dict[str, Any]) -> None:
         numbers = [f"no height: {name}" for name in module.NO_HEIGHTS]
         units = [f"unit of the band: {name}" for name in module.UNITS]
         crs = [f"vertical CRS: {name}" for name in module.COMPOUND]
-        assert kind["read"] == [*module.SCALES, *units, *crs, *numbers]
+        assert kind["read"] == [*module.SCALES, *units, *crs, *numbers, *module.FORMS]
+        assert kind["refused"] == list(module.REFUSED)
         assert kind["read_or_refused"] == list(module.TURNED)
         return
     names = list(module.PROPERTIES)

@@ -21,7 +21,8 @@ from rasterio.transform import from_origin
 from furrowmap.core.accuracy.paired_points import pairs_of_files
 from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.accuracy.product_check import check_product
-from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
+from furrowmap.core.readers.chosen_survey import SurveyOptions
+from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.workflows.clouds.check import check_pairs

@@ -37,6 +37,7 @@ MAP = CRS.from_epsg(25832)
 FRAME = map_frame(Crs(map="EPSG:25832"))
 EAST, NORTH = 651_000.0, 5_700_000.0
 HOLE = shapely.box(EAST + 20.0, NORTH + 20.0, EAST + 40.0, NORTH + 40.0)
+HOLES = [HOLE, shapely.box(EAST + 60.0, NORTH + 20.0, EAST + 80.0, NORTH + 40.0)]
 A = shapely.box(EAST, NORTH, EAST + 100.0, NORTH + 50.0)
 RING = A.difference(HOLE)
 B = shapely.box(EAST + 130.0, NORTH, EAST + 150.0, NORTH + 40.0)
@@ -211,6 +212,53 @@ def geojson(folder: Path, table: gpd.GeoDataFrame = FIELDS) -> Path:
     return layer(folder, "a.geojson", table, COORDINATE_PRECISION=12)
 
 
+def by_address(folder: Path) -> Path:
+    """In metres, with the address of their CRS, as OGC's services write it."""
+    found = json.loads(FIELDS.to_json(drop_id=True))
+    found["crs"] = {"type": "name", "properties": {"name": "http://www.opengis.net/def/crs/EPSG/0/25832"}}
+    path = folder / "a.geojson"
+    path.write_text(json.dumps(found))
+    return path
+
+
+def big_endian(folder: Path) -> Path:
+    """A GeoPackage whose geometries and their heads are big-endian, without an envelope (OGC 12-128r18, 2.1.3)."""
+    path = layer(folder, "a.gpkg")
+    with closing(sqlite3.connect(path)) as base, base:
+        for (trigger,) in base.execute("select name from sqlite_master where type = 'trigger'").fetchall():
+            base.execute(f'drop trigger "{trigger}"')
+        for name, shape in (("A1", RING), ("B2", B)):
+            data = b"GP\0\0" + struct.pack(">i", 25832) + shapely.to_wkb(shape, byte_order=0)
+            base.execute("update a set geom = ? where id = ?", (data, name))
+    return path
+
+
+def in_grads() -> CRS:
+    """ETRS89 in grads, of which a right angle has a hundred."""
+    content = CRS.from_epsg(4258).to_json_dict()
+    for name in ("id", "usages", "scope", "area", "bbox"):
+        content.pop(name, None)
+    for axis in content["coordinate_system"]["axis"]:
+        axis["unit"] = {"type": "AngularUnit", "name": "grad", "conversion_factor": np.pi / 200.0}
+    return CRS.from_json_dict(content)
+
+
+def grads(folder: Path) -> Path:
+    shapes = [shapely.transform(shape, lambda xy: xy / 0.9) for shape in FIELDS.to_crs(4258).geometry]
+    return layer(folder, "a.gpkg", gpd.GeoDataFrame(FIELDS[["id"]], geometry=shapes, crs=in_grads()))
+
+
+def inner_rings(folder: Path) -> Path:
+    """Two holes in one inner boundary, as Google Earth wrote them."""
+    path = kml(folder)
+    holes = "".join(
+        f"<LinearRing><coordinates>{' '.join(f'{x:.9f},{y:.9f},0' for x, y in ring)}</coordinates></LinearRing>"
+        for ring in (np.column_stack(TO_DEGREES.transform(*shapely.get_coordinates(s).T)).tolist() for s in HOLES)
+    )
+    end = "</outerBoundaryIs>"
+    return changed(path, lambda text: text.replace(end, f"{end}<innerBoundaryIs>{holes}</innerBoundaryIs>", 1))
+
+
 def beside(*others: BaseGeometry | None) -> gpd.GeoDataFrame:
     return gpd.GeoDataFrame({"id": ["A1", "B2", *["x"] * len(others)]}, geometry=[RING, B, *others], crs=MAP)
 
@@ -267,6 +315,9 @@ PROPERTIES: Mapping[str, tuple[Made, tuple[BaseGeometry, ...]]] = {
     "compound CRS": (lambda folder: layer(folder, "a.gpkg", COMPOUND), (RING, B)),
     "names in Shift-JIS without a code page": (lambda folder: attribute_page(folder, "圃場", "cp932"), (RING, B)),
     "names in Windows-1252": (lambda folder: attribute_page(folder, "Témoin", "cp1252"), (RING, B)),
+    "GeoJSON with the address of its CRS": (by_address, (RING, B)),
+    "GeoPackage in big-endian": (big_endian, (RING, B)),
+    "KML with two rings in one inner boundary": (inner_rings, (A.difference(shapely.union_all(HOLES)), B)),
     "symbolic link": (linked, (RING, B)),
     "table of corners in metres": (lambda folder: corners(folder, degrees=False), (A, B)),
     "table of corners in degrees": (lambda folder: corners(folder, degrees=True), (A, B)),
@@ -323,6 +374,15 @@ REFUSED: Mapping[str, Made] = {
     "metres in a CRS of degrees": lambda folder: as_degrees(folder, "a.gpkg"),
     "table of metres as longitudes and latitudes": lambda folder: as_degrees(folder, "corners.csv"),
     "a datum of the past": lambda folder: layer(folder, "a.gpkg", FIELDS.to_crs(31467)),
+    "a datum of the past in grads from Paris": lambda folder: layer(folder, "a.gpkg", FIELDS.to_crs(27572)),
+    "a datum of the past that PROJ cannot transform": lambda folder: layer(
+        folder, "a.gpkg", FIELDS.to_crs(4258).set_crs("+proj=longlat +ellps=bessel +type=crs", allow_override=True)
+    ),
+    "longitudes and latitudes in grads": grads,
+    "geocentric coordinates": lambda folder: layer(folder, "a.gpkg", FIELDS.set_crs(4936, allow_override=True)),
+    "a plane of its own": lambda folder: changed(
+        layer(folder, "a.shp").with_suffix(".prj"), lambda _: 'LOCAL_CS["site",UNIT["metre",1]]'
+    ).with_suffix(".shp"),
 }
 
 
@@ -339,7 +399,7 @@ def by_boundary(path: Path, site: Site) -> BaseGeometry:
 
 
 def by_batch(path: Path, site: Site) -> BaseGeometry:
-    fields = read_fields(path, target=site.crs)
+    fields = read_fields(path, target=site.crs)[0]
     assert all(field.names for field in fields)
     on_map = Transformer.from_crs(4258, site.crs, always_xy=True)
     return shapely.transform(
@@ -348,13 +408,13 @@ def by_batch(path: Path, site: Site) -> BaseGeometry:
 
 
 def by_parcels(path: Path, site: Site) -> BaseGeometry:
-    parcels = read_parcels(path, site.crs)
+    parcels = read_parcels(path, site.crs)[0]
     assert [parcel.id[-1:] for parcel in parcels] in (["1", "2"], ["1"])
     return shapely.union_all([parcel.gross for parcel in parcels])
 
 
 def by_net(path: Path, site: Site) -> BaseGeometry:
-    return shapely.union_all([parcel.net for parcel in read_parcels(path, site.crs, net=path)])
+    return shapely.union_all([parcel.net for parcel in read_parcels(path, site.crs, net=path)[0]])
 
 
 PLACES: Mapping[str, Callable[[Path, Site], BaseGeometry]] = {
@@ -401,8 +461,8 @@ def test_names__are_those_of_the_file(tmp_path: Path) -> None:
     for word, page, folder in (("圃場", "cp932", "a"), ("Témoin", "cp1252", "b")):
         (tmp_path / folder).mkdir()
         path = attribute_page(tmp_path / folder, word, page)
-        assert [field.names for field in read_fields(path)] == [(f"{word}1",), (f"{word}2",)]
-        assert [parcel.id for parcel in read_parcels(path, MAP)] == [f"{word}1", f"{word}2"]
+        assert [field.names for field in read_fields(path)[0]] == [(f"{word}1",), (f"{word}2",)]
+        assert [parcel.id for parcel in read_parcels(path, MAP)[0]] == [f"{word}1", f"{word}2"]
 
 
 @pytest.mark.parametrize(
@@ -414,14 +474,12 @@ def test_names__are_those_of_the_file(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_names__in_kml_are_in_the_code_page_that_it_declares(page: str, word: str, tmp_path: Path) -> None:
     path = kml(tmp_path, page=page, word=word)
-    assert [field.names for field in read_fields(path)] == [(f"{word}A1",), (f"{word}B2",)]
+    assert [field.names for field in read_fields(path)[0]] == [(f"{word}A1",), (f"{word}B2",)]
 
 
 def test_left_out_features__are_noticed_everywhere(tmp_path: Path) -> None:
     path = geojson(tmp_path, beside(A.centroid, None))
-    notices: list[Any] = []
-    read_parcels(path, MAP, notices=notices)
-    read_fields(path, notices)
+    notices = [*read_parcels(path, MAP)[1], *read_fields(path)[1]]
     notices += read_area(path, MAP).notices
     notices += ground_to_map(path, FRAME).notices
     notices += field_boundary(path, FRAME, None, np.array([[EAST, NORTH]]))[1]

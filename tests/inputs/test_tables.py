@@ -71,7 +71,7 @@ PLACES: Mapping[str, tuple[Cells, Callable[[Path], Any]]] = {
     ),
     "[mount] attitude": (
         by_time("roll_deg pitch_deg yaw_deg", lambda k: [0.125 * k, -0.25, 90.5]),
-        lambda path: read_mount(path, float(START_S), []).quaternion,
+        lambda path: read_mount(path, float(START_S))[0].quaternion,
     ),
     "[recording] lidar": (
         by_time("angle_deg range_m", lambda k: [-45.5 + 10.25 * (k % 6), 3.125 + k], 24),
@@ -79,7 +79,7 @@ PLACES: Mapping[str, tuple[Cells, Callable[[Path], Any]]] = {
     ),
     "[camera] table": (
         by_time("file", lambda k: [f"image{k}.jpg"]),
-        lambda path: read_image_table(path, path.parent, []).t_s,
+        lambda path: read_image_table(path, path.parent)[0].t_s,
     ),
     "check POINTS": (
         [["name", "e_m", "n_m", "h_m"], *([f"P{k}", f"{e}", f"{n}", "90.125"] for k, (e, n) in enumerate(SQUARE))],
@@ -91,7 +91,7 @@ PLACES: Mapping[str, tuple[Cells, Callable[[Path], Any]]] = {
     ),
     "[field] boundary": (
         [["id", "lon_deg", "lat_deg"], *(["A", f"{lon}", f"{lat}"] for lon, lat in DEGREES)],
-        lambda path: read_fields(path)[0].outline.area,
+        lambda path: read_fields(path)[0][0].outline.area,
     ),
     "--treatments": (
         [["id", "treatment", "n_kg_ha"], *([f"{k}", f"N{k}", f"{10.5 * k}"] for k in range(1, 5))],
@@ -103,7 +103,7 @@ PLACES: Mapping[str, tuple[Cells, Callable[[Path], Any]]] = {
     ),
     "[camera] control_pixels": (
         [["file", "name", "u", "v"], *([f"image{k}.jpg", "P1", f"{100.5 + k}", "200.25"] for k in range(4))],
-        lambda path: [place[2:] for place in read_pixels(path, ("P1",), [])],
+        lambda path: [place[2:] for place in read_pixels(path, ("P1",))[0]],
     ),
 }
 

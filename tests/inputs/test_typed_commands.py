@@ -20,11 +20,14 @@ from tests.app.crops import test_response as responses
 from tests.core.readers import test_raster_heights as rasters
 from tests.exporters.farm.result_folders import write_result
 from tests.inputs import test_clouds as clouds
+from tests.inputs import test_points as points_of
 from tests.inputs import test_polygons as polygons
 from tests.inputs.test_commands import numbers
+from tests.inputs.test_logs import sentence
 from tests.inputs.test_tables import PLACES as TABLES
 from tests.inputs.texts import PROPERTIES as WAYS
 from tests.inputs.texts import written
+from tests.one_pass import make_one_pass
 
 VARYING = ("elapsed", "duration", "seconds", "size", "bytes", "warnings")
 VARYING += ("by_class", "range_m", "height_cv", "sigma")  # of a plane: shares of what rounding leaves
@@ -264,7 +267,7 @@ def test_parcels__of_each_kind_give_what_a_geopackage_gives(
     make, shapes = polygons.PROPERTIES[stated]
     path = make(tmp_path / "given")
     key = (command, *(shape.wkt for shape in shapes))
-    ids = [str(one.id) for one in polygons.read_parcels(path, polygons.MAP)]
+    ids = [str(one.id) for one in polygons.read_parcels(path, polygons.MAP)[0]]
     plain = tmp_path / "plain.gpkg"
     gpd.GeoDataFrame({"id": ids}, geometry=list(shapes), crs=polygons.MAP).to_file(plain, engine="pyogrio")
     found = answer(capsys, *OF_PARCELS[command](crops, path, plain, tmp_path / "a"))
@@ -276,6 +279,144 @@ def test_parcels__of_each_kind_give_what_a_geopackage_gives(
 
 PLAIN_PARCELS: dict[tuple[str, ...], dict[str, float]] = {}
 """The numbers of GeoPackages, by command and shapes."""
+
+
+@pytest.fixture(scope="module")
+def result_of_points(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A result whose surface is the plane of the points."""
+    folder = write_result(tmp_path_factory.mktemp("points"), crs=points_of.MAP)
+    points_of.surface(folder)
+    return folder
+
+
+@pytest.mark.parametrize("stated", points_of.PROPERTIES)
+def test_tie__moves_onto_points_of_each_kind_as_onto_a_table(
+    stated: str, result_of_points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "given").mkdir()
+    given = points_of.PROPERTIES[stated](tmp_path / "given")
+    found = answer(capsys, "tie", result_of_points, "-o", tmp_path / "a", "--reference", given)
+    if "tie" not in PLAIN:
+        table = points_of.table(tmp_path)
+        PLAIN["tie"] = answer(capsys, "tie", result_of_points, "-o", tmp_path / "b", "--reference", table)
+    assert PLAIN["tie"][".ties.0.cells"] == 5.0
+    assert found == pytest.approx(PLAIN["tie"], rel=1e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("stated", points_of.REFUSED)
+def test_tie__refuses_points_that_cannot_be_honoured(
+    stated: str, result_of_points: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "given").mkdir()
+    given = points_of.REFUSED[stated](tmp_path / "given")
+    assert refusal(capsys, "tie", result_of_points, "-o", tmp_path / "a", "--reference", given)
+
+
+@pytest.fixture(scope="module")
+def card(made_once: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session whose drive of five seconds is moved into the first field: the first second of its scans."""
+    drive = made_once("one_pass", make_one_pass) / "drive"
+    folder = tmp_path_factory.mktemp("card")
+    there = polygons.TO_DEGREES.transform(polygons.EAST + 70.0, polygons.NORTH + 10.0)
+    lines = (drive / "gnss.nmea").read_text().splitlines()
+    (folder / "gnss.nmea").write_text("".join(moved_sentence(line, there) for line in lines))
+    (folder / "recording.pcap").write_bytes((drive / "recording.pcap").read_bytes()[:1_500_000])
+    session = (drive / "session.toml").read_text().replace("EPSG:6677", "EPSG:25832").split("[field]")[0]
+    (folder / "session.toml").write_text(session)
+    return folder
+
+
+ONE_PASS_DEG = (140.0201, 36.8701)
+
+
+def moved_sentence(line: str, there: tuple[float, float]) -> str:
+    """A sentence of the pass with its position moved: the pass begins `there`, at longitude and latitude."""
+    cells = line[1:].split("*")[0].split(",")
+    at = {"GNGGA": 2, "GNRMC": 3}.get(cells[0])
+    for k, axis, digits in ((0, 1, 2), (2, 0, 3)) if at is not None and cells[at] else ():
+        degrees, minutes = divmod(float(cells[at + k]), 100.0)
+        moved = degrees + minutes / 60.0 + there[axis] - ONE_PASS_DEG[axis]
+        cells[at + k] = f"{int(moved):0{digits}d}{60.0 * (moved % 1.0):011.8f}"
+    return sentence(",".join(cells))
+
+
+@pytest.mark.parametrize("stated", ON_THE_MAP[::3])
+def test_run__maps_the_ground_in_polygons_of_each_kind_as_in_a_geopackage(
+    stated: str, card: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A preview, which takes the ground as a run does; every third kind."""
+    (tmp_path / "given").mkdir()
+    make, shapes = polygons.PROPERTIES[stated]
+    within = make(tmp_path / "given")
+    found = answer(capsys, "run", card, "-o", tmp_path / "a", "--preview", "--within", within)
+    key = ("run --within", *(shape.wkt for shape in shapes))
+    if key not in PLAIN_PARCELS:
+        plain = tmp_path / "plain.gpkg"
+        gpd.GeoDataFrame(geometry=list(shapes), crs=polygons.MAP).to_file(plain, engine="pyogrio")
+        PLAIN_PARCELS[key] = answer(capsys, "run", card, "-o", tmp_path / "b", "--preview", "--within", plain)
+    same = {name: value for name, value in PLAIN_PARCELS[key].items() if not name.startswith(".timings")}
+    assert found[".figures.dsm_area_m2"] > 100.0
+    assert {name: found[name] for name in same} == pytest.approx(same, rel=1e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("stated", polygons.REFUSED)
+def test_run__refuses_polygons_that_cannot_be_honoured(
+    stated: str, card: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "given").mkdir()
+    given = polygons.REFUSED[stated](tmp_path / "given")
+    assert refusal(capsys, "run", card, "-o", tmp_path / "a", "--preview", "--within", given)
+
+
+@pytest.fixture(scope="module")
+def season(card: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recordings without a session: a drive through both fields and, half a metre outside, along them."""
+    folder = tmp_path_factory.mktemp("season")
+    (folder / "cards" / "one").mkdir(parents=True)
+    (folder / "cards" / "one" / "recording.pcap").write_bytes((card / "recording.pcap").read_bytes()[:300_000])
+    corners = np.array([[-0.5, -3.0], [-0.5, 50.5], [100.5, 50.5], [100.5, 45.0], [5.0, 45.0], [5.0, 10.0],
+                        [140.0, 10.0], [140.0, 40.5], [150.5, 40.5], [150.5, -3.0]])  # fmt: skip
+    way = shapely.segmentize(shapely.LineString(corners + np.array([polygons.EAST, polygons.NORTH])), 0.5)
+    lines = []
+    for k, (lon, lat) in enumerate(zip(*polygons.TO_DEGREES.transform(*np.array(way.coords).T), strict=True)):
+        at = f"09{k // 60:02d}{k % 60:02d}.00"
+        place = f"{int(lat)}{60.0 * (lat % 1.0):011.8f},N,{int(lon):03d}{60.0 * (lon % 1.0):011.8f},E"
+        lines.append(sentence(f"GNZDA,{at},12,05,2026,00,00"))
+        lines.append(sentence(f"GNGGA,{at},{place},4,12,0.6,55.0,M,45.0,M,1.0,0001"))
+    (folder / "cards" / "one" / "gnss.nmea").write_text("".join(lines))
+    machine = (card / "session.toml").read_text().split("[antenna]")[1]
+    (folder / "machine.toml").write_text(f"furrowmap_machine = 1\n[antenna]{machine}")
+    return folder
+
+
+def planned(season: Path, boundaries: Path, out: Path) -> list[object]:
+    machine = season / "machine.toml"
+    words = ("--machine", machine, "--boundaries", boundaries, "--dry-run")
+    return ["batch", season / "cards", "-o", out, *words]
+
+
+@pytest.mark.parametrize("stated", ON_THE_MAP)
+def test_batch__enters_the_fields_of_each_kind_of_file(
+    stated: str, season: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "given").mkdir()
+    make, shapes = polygons.PROPERTIES[stated]
+    status = command_line([*map(str, planned(season, make(tmp_path / "given"), tmp_path / "out")), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert status == 0
+    assert found["failed"] == []
+    assert len(found["run"]) == len(shapes)
+
+
+@pytest.mark.parametrize("stated", polygons.REFUSED)
+def test_batch__refuses_polygons_that_cannot_be_honoured(
+    stated: str, season: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "given").mkdir()
+    typed = planned(season, polygons.REFUSED[stated](tmp_path / "given"), tmp_path / "out")
+    assert command_line([*map(str, typed), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["run"], [len(one["lines"]) for one in found["failed"]]) == ([], [3])
 
 
 def test_records__of_folders_are_of_all_that_is_read_of_them(tmp_path: Path) -> None:

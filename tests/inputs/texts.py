@@ -7,6 +7,7 @@ import csv
 import gzip
 import io
 import lzma
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -69,6 +70,14 @@ def renamed(cells: Cells, name: Callable[[str], str]) -> Cells:
     return [[name(cell) for cell in header], *rows]
 
 
+def units_below(cells: Cells) -> Cells:
+    header, *rows = cells
+    titles = [TITLES.get(name, name).replace("acc_z_m_s2", "acc_z (m/s2)") for name in header]
+    split = [re.fullmatch(r"(.*?) ?[(\[](.*)[)\]]", title) for title in titles]
+    names = [title if found is None else found[1] for title, found in zip(titles, split, strict=True)]
+    return [names, ["" if found is None else found[2] for found in split], *rows]
+
+
 WAYS: Mapping[str, Callable[[Cells], bytes]] = {
     "commas": lambda cells: lines(cells).encode(),
     "semicolons": lambda cells: lines(cells, ";").encode(),
@@ -78,6 +87,7 @@ WAYS: Mapping[str, Callable[[Cells], bytes]] = {
     "spaces around cells": lambda cells: spaced(cells).encode(),
     "no newline at the end": lambda cells: lines(cells).rstrip("\n").encode(),
     "empty lines": lambda cells: blank_between(cells).encode(),
+    "rows of separators alone": lambda cells: (lines(cells) + 2 * ("," * (len(cells[0]) - 1) + "\n")).encode(),
     "comments (#) before the header": lambda cells: b"# exported, by hand\n#\n" + lines(cells).encode(),
     "separator line": lambda cells: b"sep=;\r\n" + lines(cells, ";", "\r\n").encode(),
     "separator line of another separator": lambda cells: b'"sep=|"\n' + lines(cells, "|").encode(),
@@ -97,6 +107,7 @@ WAYS: Mapping[str, Callable[[Cells], bytes]] = {
     "names with spaces and units in brackets": lambda cells: lines(
         renamed(cells, lambda name: TITLES.get(name, name))
     ).encode(),
+    "a row of units below the names": lambda cells: lines(units_below(cells)).encode(),
     "gzip": lambda cells: gzip.compress(lines(cells).encode()),
     "Zstandard": lambda cells: zstd.compress(lines(cells).encode()),
     "xz": lambda cells: lzma.compress(lines(cells).encode()),

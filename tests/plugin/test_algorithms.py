@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shutil
 import sys
 import zipfile
@@ -19,6 +20,7 @@ import shapely
 from pyproj import Proj
 
 from furrowmap.cli.main import command_line
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
 from tests.conftest import installed
 
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 CHECKOUT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(CHECKOUT / "scripts"))
 from plugin_commands import commands, options_of  # noqa: E402
-from plugin_strings import source_strings, translations  # noqa: E402
+from plugin_strings import TRANSLATIONS, source_strings, translations  # noqa: E402
 
 SCANS_S = 1_453_364_282.341  # the capture's first return by its GPS time
 STRINGS = source_strings()
@@ -135,7 +137,7 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
         **algorithm_jobs(folder),
         **worker_jobs(folder),
         "enums": {"do": "enums", "folder": str(folder / "plugins")},
-        "japanese": {"do": "translate", "locale": "ja", "strings": STRINGS},
+        **{language: {"do": "translate", "locale": language, "strings": STRINGS} for language in TRANSLATIONS},
         "english": {"do": "translate", "locale": "en_US", "strings": STRINGS},
     }
 
@@ -346,6 +348,12 @@ def test_algorithms__explain_themselves_without_a_network(answers: dict[str, Any
         assert a["group"][1]
         assert len(a["help"]) > 100
         assert "http" not in a["help"]
+        (picture,) = re.findall(r'<img src="file://([^"]+)"', a["help"])
+        assert picture.endswith(f"/{a['group'][0]}.svg")
+        assert (CHECKOUT / "plugin" / "processing" / "pictures" / Path(picture).name).is_file()
+        assert re.search(rf"<code>furrowmap {a['command']}[ <]", a["help"])
+        for _, title, _ in a["parameters"].values():
+            assert title.replace("&", "&amp;") in a["help"], (name, title)
 
 
 def test_check__finds_what_is_wrong_before_anything_starts(answers: dict[str, Any], folder: Path) -> None:
@@ -432,7 +440,7 @@ def test_features__are_classes_and_layers(answers: dict[str, Any], folder: Path)
 
 def test_images__need_an_extra_that_the_worker_does_not_have_and_a_camera(answers: dict[str, Any]) -> None:
     what, _, remedy = answers["calibrate_mount"]["error"].splitlines()
-    assert what == "OpenCV is not installed."
+    assert what == "The package OpenCV is not installed."
     assert remedy.startswith("Install the extra")  # in the words of the dock, which has a button for it
     assert "pip" not in remedy
     assert answers["colour"]["error"].splitlines()[0].endswith("has no table [camera].")
@@ -629,16 +637,21 @@ def test_sources__name_enums_as_qt_6_has_them(answers: dict[str, Any]) -> None:
     assert answers["enums"]["scoped"] > 20
 
 
-def test_translation__has_every_string_of_the_plugin_in_japanese(answers: dict[str, Any]) -> None:
-    known = translations()
+@pytest.mark.parametrize("language", TRANSLATIONS)
+def test_translation__has_every_string_of_the_plugin_in_every_language(answers: dict[str, Any], language: str) -> None:
+    known = translations(language)
     assert [string for string in STRINGS if string not in known] == []
     assert [string for string in known if string not in STRINGS] == []
     for (_, source), words in known.items():
         assert sorted(placeholders(source)) == sorted(placeholders(words)), source
-    assert answers["japanese"]["translated"] == [known[string] for string in STRINGS]
-    assert answers["japanese"]["title"] == known["Algorithms", "Run a session"]
-    assert answers["japanese"]["unknown"]
+    assert answers[language]["translated"] == [known[string] for string in STRINGS]
+    assert answers[language]["title"] == known["Algorithms", "Run a session"]
+    assert answers[language]["unknown"]
     assert answers["english"]["translated"] == [source for _, source in STRINGS]
+
+
+def test_translations__are_in_the_languages_of_the_product() -> None:
+    assert tuple(TRANSLATIONS) == LANGUAGES[1:]
 
 
 def placeholders(text: str) -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(CHECKOUT / "scripts"))
-from plugin_commands import FILE, NOT_IN_QGIS, content  # noqa: E402
+from plugin_commands import FILE, NOT_IN_QGIS, content, examples  # noqa: E402
 
 from furrowmap.cli.calibrate_commands import WithMount, mount  # noqa: E402
 from furrowmap.cli.main import COMMANDS, furrowmap  # noqa: E402
@@ -19,6 +19,7 @@ from furrowmap.plugin.processing.description import ALGORITHMS, COMMAND_OPTIONS,
 
 def test_commands__are_those_of_the_command_line() -> None:
     assert FILE.read_text(encoding="utf-8") == content(), "run scripts/plugin_commands.py, then plugin_strings.py"
+    assert FILE.with_name("examples.json").read_text(encoding="utf-8") == examples()
 
 
 def test_every_command__is_an_algorithm_or_stands_in_a_list_with_its_reason() -> None:

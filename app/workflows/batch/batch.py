@@ -193,7 +193,8 @@ class Batch:
 
     Attributes:
         results: path or URL of the folder of results.
-        sessions: a row for each session that has ended, in the order of names; with `dry_run`, of earlier calls.
+        sessions: a row for each session that has ended, in the order of names; with `dry_run`, of earlier calls and of
+            those that cannot run.
         run: names of those that ran, or would run.
         unchanged: names of those that were done before.
         failed: names of those without a result.
@@ -217,7 +218,7 @@ class _Plan:
     due: list[str] = field(default_factory=list)
     failures: dict[str, tuple[str, Failure]] = field(default_factory=dict)
     bytes_due: dict[str, int] = field(default_factory=dict)
-    notices: list[Notice] = field(default_factory=list)
+    notices: tuple[Notice, ...] = ()
 
 
 def batch(
@@ -295,6 +296,7 @@ class _Batch:
             for outcome in outcomes.values()
             if outcome.failure is None and not outcome.repeated and (size := _size(outcome.inputs)) > 0
         ]
+        outcomes |= {name: SessionOutcome("", failure=failure) for name, (_, failure) in plan.failures.items()}
         each = (statistics.median(rates), 0.0) if rates else (1.0 / BYTES_A_SECOND, START_S)
         estimate_s = sum(each[0] * plan.bytes_due.get(name, 0) + each[1] for name in plan.due) / force.cores
         return self._summary(plan, outcomes, estimate_s)
@@ -333,8 +335,8 @@ class _Batch:
         *,
         dry_run: bool,
     ) -> _Plan:
-        plan = _Plan(notices=[*unprotected(self.settings.scheduler)])
-        prepared = self._prepare(sources, state, force, plan, dry_run=dry_run)
+        prepared, about_inputs = self._prepare(sources, state, force, dry_run=dry_run)
+        plan = _Plan(notices=(*unprotected(self.settings.scheduler), *about_inputs))
         wanted = []
         made = {}
         for source in sources:
@@ -368,21 +370,20 @@ class _Batch:
         return plan
 
     def _prepare(
-        self, sources: Sequence[BatchSource], state: BatchState, force: Workforce, plan: _Plan, *, dry_run: bool
-    ) -> dict[str, PreparedSource]:
+        self, sources: Sequence[BatchSource], state: BatchState, force: Workforce, *, dry_run: bool
+    ) -> tuple[dict[str, PreparedSource], list[Notice]]:
         """The session and the visits of each source, by its file."""
+        notices: list[Notice] = []
         machine = str(resolved(machine_file(self.settings.machine))) if self.settings.machine is not None else ""
         boundaries = str(resolved(Path(self.settings.boundaries))) if self.settings.boundaries is not None else ""
         without = [source for source in sources if source.made and not machine]
         if without:
             shown = ", ".join(source.url or str(source.file.parent) for source in without[:3])
-            plan.notices.append(
-                Notice("batch-no-session", without=len(without), shown=shown, is_without=len(without) > 3)
-            )
+            notices.append(Notice("batch-no-session", without=len(without), shown=shown, is_without=len(without) > 3))
         if boundaries and not Path(boundaries).exists():
             read_fields(Path(boundaries), error_code=BOUNDARIES_UNREADABLE)  # which says so
         if boundaries:
-            plan.notices.extend(notices_of_fields(Path(boundaries)))
+            notices += notices_of_fields(Path(boundaries))
         usable = [source for source in sources if machine or not source.made]
         if not usable:
             raise InputError("batch-nothing", without_count=len(without) if without else None)
@@ -408,7 +409,7 @@ class _Batch:
             found[name] = result if isinstance(result, PreparedSource) else PreparedSource(failure=_lost(name))
             if not dry_run and found[name].failure is None:
                 state.keep_prepared(name, keys[name], kept_json(found[name]))
-        return found
+        return found, notices
 
     def _choose(self, plan: _Plan, outcomes: dict[str, SessionOutcome]) -> None:
         """Choose the jobs whose settings or inputs have changed, or that failed for a reason that may have passed."""
@@ -441,7 +442,7 @@ class _Batch:
             tuple(sorted(set(plan.jobs) - set(plan.due) - set(plan.failures))),
             tuple(row.name for row in rows if row.outcome.failure is not None),
             estimate_s,
-            tuple(plan.notices),
+            plan.notices,
         )
 
 
@@ -461,7 +462,7 @@ def _size(stamps: Sequence[Stamp]) -> int:
 
 
 def _lost(name: str) -> Failure:
-    return Failure.from_error(FurrowmapError("batch-worker-lost", name=name, attempts=ATTEMPTS))
+    return Failure.from_error(FurrowmapError("worker-lost", name=name, attempts=ATTEMPTS, is_session=True))
 
 
 def _files_of(path: Path) -> list[Path]:

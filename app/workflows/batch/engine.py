@@ -1,13 +1,12 @@
 """What works through the items of a batch: one process beside this one; :mod:`.dask` has workers of Dask."""
 
-import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from multiprocessing import get_context, parent_process
-from multiprocessing.connection import Connection, wait
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any, Final, Protocol, TypeVar
 
+from furrowmap.core.runtime.worker_process import end_with_parent
 from furrowmap.process import leave_out_unused, prepare_process
 
 Item = TypeVar("Item")
@@ -100,17 +99,10 @@ def _serve(pipe: Connection) -> None:
     """Do what comes through the pipe until it is closed; end with the parent, whatever ends that."""
     prepare_process()
     leave_out_unused()
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     from furrowmap.warm_up import reporting_compilation  # it imports numba
 
     with suppress(EOFError, KeyboardInterrupt), reporting_compilation(lambda _: None, "run"):
         while True:
             work, item = pipe.recv()
             pipe.send(work(item))
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)

@@ -191,7 +191,7 @@ def visits_of(
 def _visits(file: Path, session: Session, boundaries: Path) -> list[FieldVisit]:
     inputs = Inputs.find(file, session)
     opened = OpenSession(file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
-    fields = read_fields(boundaries, target=opened.frame.crs, error_code=BOUNDARIES_UNREADABLE)
+    fields, _ = read_fields(boundaries, target=opened.frame.crs, error_code=BOUNDARIES_UNREADABLE)
     t_s, xy_m = _places(opened)
     near = [field for field in fields if _near(field, opened, xy_m)]
     found = visits_of(t_s, xy_m, [boundary_on_map(field.outline, opened.frame) for field in near])

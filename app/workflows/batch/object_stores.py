@@ -15,9 +15,17 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError, printable
+from furrowmap.core.runtime.errors import (
+    FurrowmapError,
+    InputError,
+    MissingExtraError,
+    RefusedError,
+    UsageError,
+    printable,
+)
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.json_text import from_kept_json, kept_json
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import SessionOutcome, Stamp, same_files
 from furrowmap.exporters.files.lease import PREFIX
@@ -169,7 +177,13 @@ class Store:
 
             system, root = url_to_fs(self.url)
         except ImportError as error:
-            raise RefusedError("no-fsspec", url=self.url, error=error) from None
+            raise MissingExtraError(
+                Text("for {url}", url=self.url),
+                "remote",
+                Text("Nothing can be read or written there."),
+                otherwise=Text("install sshfs or paramiko for SFTP"),
+                error=error,
+            ) from None
         return system, str(root).rstrip("/")
 
 

@@ -6,7 +6,8 @@ from functools import partial
 from importlib.util import find_spec
 from typing import Any, Final, Self
 
-from furrowmap.core.runtime.errors import Notice, RefusedError
+from furrowmap.core.runtime.errors import MissingExtraError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.memory import free_memory_bytes
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.runtime.settings import (
@@ -42,7 +43,12 @@ class Workforce:
         has_dask = find_spec("distributed") is not None
         may_start = has_dask and find_spec("cryptography") is not None  # it makes the certificate of own workers
         if (scheduler is not None and not has_dask) or ((workers or 1) > 1 and not may_start):
-            raise RefusedError("no-dask")
+            raise MissingExtraError(
+                Text("{packages:or}", packages=("dask", "distributed", "cryptography")),
+                "cluster",
+                Text("Several workers, or those of other machines, need it."),
+                otherwise=Text("use one worker"),
+            )
         fitting = max(1, min(available_processors(), free_memory_bytes() // BYTES_A_WORKER)) if may_start else 1
         self.workers = workers or fitting
         self._scheduler = scheduler

@@ -117,7 +117,6 @@ def calibrate_mount(
     expect_opencv()
     expect_pillow()
     source = Path(frames)
-    notices = list[Notice]()
     target = Path(out) if out is not None else resolved(source).with_name("mount.csv")
     if target.exists() and not overwrite:
         raise RefusedError("output-exists", target=target)
@@ -127,7 +126,7 @@ def calibrate_mount(
         if table is None or not table.is_known:
             raise InputError("no-camera", session_file=Path(camera))
         stated = camera_of(table) if table.has_intrinsics else open_session(Path(camera)).camera()
-    looked_at, count = _frames(source, begin, every, notices)
+    looked_at, count, notices = _frames(source, begin, every)
     times_s, corners, size = _corners(looked_at, count, board, progress)
     if size is None:
         raise InputError("no-images.none-readable", paths=source, images=len(times_s))
@@ -143,10 +142,8 @@ def calibrate_mount(
     )
 
 
-def _frames(
-    source: Path, begin: str | None, every: int, notices: list[Notice]
-) -> tuple[Iterable[tuple[float, Picture]], int]:
-    """UTC and picture of the frames to look at, and their number, which is an estimate for some videos."""
+def _frames(source: Path, begin: str | None, every: int) -> tuple[Iterable[tuple[float, Picture]], int, list[Notice]]:
+    """UTC and picture of the frames to look at, their number, which is an estimate for some videos, and notices."""
     if source.suffix.lower() in VIDEO_SUFFIXES and source.is_file():
         if begin is None:
             raise InputError("video-no-time", path=source)
@@ -155,19 +152,19 @@ def _frames(
         except ValueError:
             raise InputError("video-no-time.not-a-time", path=source, text=begin) from None
         video = Video(source)
-        return ((begin_s + at_s, pixels) for at_s, pixels in video.frames(every)), -(-video.count // every)
+        return ((begin_s + at_s, pixels) for at_s, pixels in video.frames(every)), -(-video.count // every), []
     if begin is not None:
         raise InputError("video-only", source=source)
     if source.is_dir():
         tables = [path for path in sorted(source.glob("*.csv")) if is_image_table(path)]
         files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES]
-        images = read_image_table(tables[0], source, notices) if tables else exif_images(files, notices)
+        images, notices = read_image_table(tables[0], source) if tables else exif_images(files)
     else:
-        images = read_image_table(source, resolved(source).parent, notices)
+        images, notices = read_image_table(source, resolved(source).parent)
     if not len(images):
         raise InputError("no-images", source=source)
     some = list(zip(images.t_s.tolist(), images.paths, strict=True))[::every]
-    return some, len(some)
+    return some, len(some), notices
 
 
 def _corners(

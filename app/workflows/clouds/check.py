@@ -9,7 +9,7 @@ from furrowmap.core.accuracy.paired_points import PAIR_COLUMNS, PairedPoints, pa
 from furrowmap.core.accuracy.point_check import CHECK_COLUMNS
 from furrowmap.core.accuracy.product_check import Check, check_product
 from furrowmap.core.geodesy.crs_change import optional_with_heights
-from furrowmap.core.readers.surveyed_points import SurveyOptions, may_hold_points
+from furrowmap.core.readers.chosen_survey import SurveyOptions, may_hold_points
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.csv_cells import write_csv_table

@@ -198,7 +198,8 @@ def _parameters(cleaning: Cleaning, clouds: Clouds) -> dict[str, Any]:
 def refuse_target(target: Path, paths: Sequence[Path], *, overwrite: bool) -> None:
     """Refuse a target that is no .laz file, is a folder or one of the clouds, or may not be replaced."""
     if not target.name.lower().endswith(".laz"):
-        raise UsageError("usage", target=target, value=target.name.split(".")[0] or "cloud")
+        example = f"{target.name.split('.')[0] or 'cloud'}.copc.laz"
+        raise UsageError("usage.suffix", path=target, suffixes=(".copc.laz",), example=example)
     if target.is_dir():
         raise InputError("output-is-folder", target=target)
     if any(target.exists() and path.exists() and target.samefile(path) for path in paths):

@@ -64,32 +64,36 @@ def colour(
     """
     source = Path(cloud)
     target = Path(out)
-    notices = list[Notice]()
     refuse_target(target, [source], overwrite=overwrite)
     opened = open_session(Path(session))
     clouds = open_clouds([source], optional_with_heights(crs), opened.frame.crs, without_option=True)
     make_folder(target.parent)
     with using(scratch_folder=target.parent):
-        figures, unseen = _write(clouds, _frames(opened, notices, progress), target, progress)
+        frames, notices = _frames(opened, progress)
+        figures, unseen = _write(clouds, frames, target, progress)
     warnings = [*notices, *clouds.notices, *unseen]
     return dict(plain({"cloud": source.name, "figures": figures, "warnings": list(dict.fromkeys(warnings))}))
 
 
-def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> Frames:
-    """The frames of the session's camera."""
+def _frames(opened: OpenSession, progress: Progress) -> tuple[Frames, list[Notice]]:
+    """The frames of the session's camera, and notices about its images."""
     camera = opened.session.camera
     if camera is None:
         raise InputError("no-camera.no-table", file=opened.file)
     expect_pillow()
-    images = opened.images(notices)
+    images, notices = opened.images()
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
     scale = ground_scale(opened.frame, located.trajectory)
-    located, aid = aid_session(opened, located, scale, notices, progress)
+    aided = aid_session(opened, located, scale, progress)
+    notices += [notice for notice in aided.notices if notice not in notices]
     contradicting = next((notice for notice in notices if notice.code == CONTRADICTING), None)
     if contradicting is not None:
         raise RefusedError(f"{CONTRADICTING}.colour", file=opened.file, contradiction=contradicting.text)
-    used = aid.camera if aid is not None else opened.camera()
-    frames = frames_along(images, used, located.trajectory, scale, notices) if len(images) else None
+    used = aided.aid.camera if aided.aid is not None else opened.camera()
+    frames: Frames | None = None
+    if len(images):
+        frames, unposed = frames_along(images, used, aided.located.trajectory, scale)
+        notices += unposed
     if frames is None:
         raise InputError(
             "no-images.none-with-pose",
@@ -97,7 +101,7 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
             images=len(images),
             notices="".join(f" {notice.text}" for notice in notices),
         )
-    return frames
+    return frames, notices
 
 
 def _write(clouds: Clouds, frames: Frames, target: Path, progress: Progress) -> tuple[dict[str, Any], list[Notice]]:

@@ -79,9 +79,10 @@ def canopy(
     refuse_products(folder, CANOPY_PRODUCTS, overwrite=overwrite)
     opened = open_inputs(clouds, settings)
     file = Path(settings.polygons) if settings.polygons is not None else None
-    decided: list[Notice] = []
-    areas = read_parcels(file, opened.crs, notices=decided) if file is not None else ()
-    opened = replace(opened, notices=(*opened.notices, *decided))
+    areas: tuple[Parcel, ...] = ()
+    if file is not None:
+        areas, decided = read_parcels(file, opened.crs)
+        opened = replace(opened, notices=(*opened.notices, *decided))
     box = settings.box
     far = tuple[Notice, ...]()
     if box is None and areas:

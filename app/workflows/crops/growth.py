@@ -19,7 +19,6 @@ from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.exporters.files.csv_cells import write_workbook
 from furrowmap.exporters.files.file_records import file_records, joint_record
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
@@ -30,6 +29,7 @@ from furrowmap.exporters.files.result_folder import (
     GROWTH_WORKBOOK,
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.exporters.files.workbooks import write_workbook
 from furrowmap.exporters.vectors.crop_layers import growth_layer, write_parcel_table
 from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.settings import GrowthSettings
@@ -70,9 +70,8 @@ def growth(
     recover(folder)
     refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
     opened = open_inputs(clouds, settings)
-    decided: list[Notice] = []
     net = Path(settings.net) if settings.net else None
-    areas = read_parcels(file, opened.crs, settings.net_inset_m, net, decided)
+    areas, decided = read_parcels(file, opened.crs, settings.net_inset_m, net)
     opened = replace(opened, notices=(*opened.notices, *decided))
     by_day = _clouds_by_day(opened, areas, settings.days)
     notices = list(opened.notices)
@@ -114,7 +113,7 @@ def _clouds_by_day(clouds: Clouds, parcels: Sequence[Parcel], stated: Sequence[s
     texts = stated if stated is not None else [None] * len(parts)
     days = [day_of(text) or _day_of_points(part, parcels) for text, part in zip(texts, parts, strict=True)]
     if len(set(days)) < 2:
-        raise UsageError("usage.by-day-2", days=days[0])
+        raise UsageError("usage.one-day", days=days[0])
     return {
         day: replace(clouds, files=tuple(file for file, own in zip(clouds.files, days, strict=True) if own == day))
         for day in sorted(set(days))

@@ -33,7 +33,7 @@ from furrowmap.core.crops.treatment_order import REVERSED, REVERSED_IN_BLOCKS, m
 from furrowmap.core.crops.trial_tables import day_of, read_treatments, with_treatments
 from furrowmap.core.geodesy.crs_change import horizontal_part
 from furrowmap.core.geodesy.local_time import local_day
-from furrowmap.core.geodesy.projection import scale_at
+from furrowmap.core.geodesy.projection import MapFrame, scale_at
 from furrowmap.core.pointclouds.joined_clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.pointclouds.spool_clouds import spool_clouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod
@@ -105,9 +105,8 @@ def parcels(
     recover(folder)
     refuse_products(folder, PARCEL_PRODUCTS, overwrite=overwrite)
     opened = open_inputs(clouds, settings)
-    decided: list[Notice] = []
     net = Path(settings.net) if settings.net else None
-    areas = read_parcels(file, opened.crs, settings.net_inset_m, net, decided)
+    areas, decided = read_parcels(file, opened.crs, settings.net_inset_m, net)
     assign_treatments(areas, settings, dt.date.max)  # an error of the table is raised before the work
     around_m = PUBLISHED_STRIP_M if settings.published else None
     with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, around_m, decided) as points:
@@ -159,7 +158,7 @@ class WrittenParcels:
     found: list[MeasuredParcel]
     response: Response | None
     account: dict[str, Any]
-    notices: list[Notice]
+    notices: tuple[Notice, ...]
     shift: ParcelShift | None = None
 
 
@@ -210,10 +209,12 @@ def write_parcels(
         },
         "parcels": [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))],
     }
-    return WrittenParcels(found, response, account, notices)
+    return WrittenParcels(found, response, account, tuple(notices))
 
 
-def held_against_surface(written: WrittenParcels, folder: Path, place_sigma_m: tuple[float, float]) -> WrittenParcels:
+def held_against_surface(
+    written: WrittenParcels, folder: Path, frame: MapFrame, place_sigma_m: tuple[float, float]
+) -> WrittenParcels:
     """The figures with larger standard deviations where the crop on the surface in a folder stands beside the parcels.
 
     Or may do so, by the standard deviations of the surface's place, east and north. The tables in the folder are
@@ -227,7 +228,9 @@ def held_against_surface(written: WrittenParcels, folder: Path, place_sigma_m: t
     sigma_m = float(np.nanmedian(sigmas)) if np.isfinite(sigmas).any() else 0.0
     shift = parcel_shift(surface, grid, parcels, sigma_m)
     if shift is None:
-        shift = parcels_elsewhere(*_surface_far_around(folder, parcels), parcels, sigma_m)
+        lon_lat_deg = frame.to_lon_lat(*shapely.get_coordinates(parcels[0].gross.centroid).T)
+        convergence_deg = float(frame.convergence_deg(*lon_lat_deg)[0])
+        shift = parcels_elsewhere(*_surface_far_around(folder, parcels), parcels, sigma_m, convergence_deg)
     doubted = max(place_sigma_m) > grid.cell_m and np.isfinite(surface).any()
     if shift is None and not doubted:
         return written
@@ -253,7 +256,8 @@ def held_against_surface(written: WrittenParcels, folder: Path, place_sigma_m: t
     write_parcel_table(folder / PARCEL_TABLE, layer)
     write_parcel_sheet(folder / PARCEL_SHEET, layer)
     rows = [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))]
-    return replace(written, found=found, account=written.account | {"parcels": rows}, notices=notices, shift=shift)
+    account = written.account | {"parcels": rows}
+    return replace(written, found=found, account=account, notices=tuple(notices), shift=shift)
 
 
 def _order_notices(found: Sequence[MeasuredParcel], settings: ParcelSettings) -> list[Notice]:

@@ -28,8 +28,9 @@ from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.files.csv_cells import write_csv_table, write_workbook
+from furrowmap.exporters.files.csv_cells import write_csv_table
 from furrowmap.exporters.files.staging import staged_folder
+from furrowmap.exporters.files.workbooks import write_workbook
 from furrowmap.exporters.reports.trial_charts import (
     ParcelValues,
     category_chart,
@@ -50,6 +51,7 @@ class _Flight:
     parcels: tuple[Parcel, ...]
     table: MeasuredTable
     trial: Trial
+    notices: tuple[Notice, ...]
 
 
 def response(
@@ -79,9 +81,8 @@ def response(
     days = _days(settings.days or (), len(tables))
     refuse_existing(folder / RESPONSE_REPORT, overwrite=overwrite)
     measure = settings.measure or MEASURE
-    notices: list[Notice] = []
     flights = [
-        _flight(Path(path), day, Path(treatments) if treatments is not None else None, settings, notices)
+        _flight(Path(path), day, Path(treatments) if treatments is not None else None, settings)
         for path, day in zip(tables, days, strict=True)
     ]
     growth: tuple[Growth, ...] = ()
@@ -99,7 +100,7 @@ def response(
         "price_ratio": settings.ratio,
         "flights": [_account(flight) for flight in flights],
         "growth": [asdict(each) for each in growth],
-        "warnings": list(dict.fromkeys(notices)),
+        "warnings": list(dict.fromkeys(notice for flight in flights for notice in flight.notices)),
     }
     with staged_folder(folder) as staging:
         for name, chart in charts.items():
@@ -120,11 +121,9 @@ def _days(texts: Sequence[str], tables: int) -> list[dt.date | None]:
     return [day_of(text) for text in texts] or [None] * tables
 
 
-def _flight(
-    path: Path, day: dt.date | None, treatments: Path | None, settings: ResponseSettings, notices: list[Notice]
-) -> _Flight:
+def _flight(path: Path, day: dt.date | None, treatments: Path | None, settings: ResponseSettings) -> _Flight:
     table = read_measured(path, settings.measure or MEASURE, settings.sites or ())
-    notices += table.notices
+    notices = [*table.notices]
     parcels = table.parcels
     if treatments is not None:
         parcels, more = with_treatments(parcels, read_treatments(treatments, day))
@@ -138,8 +137,7 @@ def _flight(
         blocks=not settings.without_blocks,
     )
     trial = analyse_trial(parcels, table.value, plan)
-    notices += trial.notices
-    return _Flight(day, parcels, table, trial)
+    return _Flight(day, parcels, table, trial, (*notices, *trial.notices))
 
 
 def _account(flight: _Flight) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import horizontal_part, optional_crs
 from furrowmap.core.geodesy.measurable_crs import expect_map
-from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
+from furrowmap.core.runtime.errors import InputError, MissingExtraError, Notice, OptionError, RefusedError
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
@@ -99,7 +99,13 @@ def open_edit(
         try:
             from furrowmap.exporters.farm.postgis import postgis_edit
         except ImportError as error:
-            raise RefusedError("no-psycopg", error=error) from None
+            raise MissingExtraError(
+                "psycopg",
+                "postgis",
+                Text("A farm map in PostGIS needs it."),
+                otherwise=Text("name a GeoPackage"),
+                error=error,
+            ) from None
         return postgis_edit(str(farm_map), create=create, schema=schema)
     return geopackage_edit(Path(farm_map), create=create, progress=progress)
 
@@ -209,13 +215,8 @@ def _read_results(folders: Sequence[Path], zone: ZoneInfo | None, progress: Prog
         progress("reading results", i / len(folders))
         for result in read_tasks(folder, zone) if folder.suffix == ".gpkg" else [read_result(folder, zone)]:
             if result.session in results:
-                raise InputError(
-                    "session-twice",
-                    folder=folder,
-                    other_folder=results[result.session].folder,
-                    result=result.name,
-                    date=result.date,
-                )
+                folders_of_it = (results[result.session].folder, folder)
+                raise InputError("session-twice", folders=folders_of_it, session=result.name)
             results[result.session] = result
     return results
 
@@ -242,7 +243,8 @@ def _month_day(text: str) -> tuple[int, int]:
     try:
         day = dt.date.fromisoformat(f"2024-{text}")
     except ValueError:
-        raise UsageError("usage.day-of-year", text=text) from None
+        wanted = Text("a month and a day")
+        raise OptionError("--season-start", text, wanted, "04-01") from None
     return day.month, day.day
 
 

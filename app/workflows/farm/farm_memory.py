@@ -37,6 +37,8 @@ MACHINE_COLUMNS: Final = (
     "machine", "implement", "sessions", "first_date", "last_date", "worked_area_m2", "hours", "work_rate_ha_h",
     "distance_m", "soil_moved_m3",
 )  # fmt: skip
+HISTORY_SUFFIXES: Final = (".html", ".csv")
+"""Of a page with a map, and of a table of the sessions."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ def field_history(
         farm_map: path of a GeoPackage, or a PostgreSQL connection string.
         field: name or identity of the field, or the beginning of the latter.
         out: `.html` for a page with a map, `.csv` for a table of the sessions; nothing is written without it.
-        language: of the page, "en" or "ja"; None for the user's.
+        language: of the page, such as "en"; None for the user's.
         schema: of the tables in a database.
 
     Raises:
@@ -117,8 +119,9 @@ def field_history(
     """
     target = Path(out) if out is not None else None
     if target is not None:
-        if target.suffix not in (".html", ".csv"):
-            raise UsageError("usage.history-format", target=target)
+        if target.suffix not in HISTORY_SUFFIXES:
+            example = target.with_suffix(HISTORY_SUFFIXES[0]).name
+            raise UsageError("usage.suffix", path=target, suffixes=HISTORY_SUFFIXES, example=example)
         refuse_existing(target, overwrite=overwrite)
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
         fields = edit.read(FIELDS_LAYER, FIELD_COLUMNS)

@@ -7,8 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.errors import InputError, Notice, OptionError, UsageError
 from furrowmap.core.runtime.file_names import leads_out, resolved
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.farm.surface_mosaic import SUFFIXES, Mosaic, write_mosaic
@@ -46,7 +47,7 @@ def mosaic(
     """
     output = Path(out)
     if output.suffix not in SUFFIXES:
-        raise UsageError("usage.mosaic-format", output=output)
+        raise UsageError("usage.suffix", path=output, suffixes=SUFFIXES, example=output.with_suffix(".tif").name)
     refuse_existing(output, overwrite=overwrite)
     paths, missing = find_surfaces(sources, product, schema=schema, progress=progress)
     made = write_mosaic(paths, output, crs=settings.crs, cell_m=settings.cell_m, mean=settings.mean, progress=progress)
@@ -58,7 +59,8 @@ def find_surfaces(
 ) -> tuple[list[Path], tuple[Notice, ...]]:
     """The files of a product in order of their sessions' times, and a notice on missing ones."""
     if not _PRODUCT.fullmatch(product):
-        raise UsageError("usage.product-name", product=product)
+        wanted = Text("the name of a product without its suffix")
+        raise OptionError("--product", product, wanted, "dsm")
     folders: dict[Path, dt.datetime] = {}
     foreign: list[KnownSession] = []
     for source in sources:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from furrowmap.core.accuracy.evaluation import Evaluation
 from furrowmap.core.accuracy.receiver_logs import evaluate_logs
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import MissingExtraError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.reports.evaluation_figures import table_rows
 from furrowmap.exporters.reports.evaluation_page import write_evaluation
@@ -79,5 +80,5 @@ def evaluation_table(evaluations: Mapping[str, Evaluation]) -> pd.DataFrame:
     try:
         import pandas as pd
     except ImportError:
-        raise InputError("extra-missing.table-packages", package="pandas") from None
+        raise MissingExtraError("pandas", "notebooks", Text("Tables of layers and figures are made by it.")) from None
     return pd.DataFrame(list(table_rows(evaluations)))

@@ -15,7 +15,7 @@ import numpy as np
 from furrowmap.core.geodesy.longitudes import unwrapped_deg
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.sqlite_file import limited_steps
-from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, MissingExtraError
 from furrowmap.core.runtime.languages.texts import Text, reason
 from furrowmap.core.runtime.plain_reads import open_plain
 
@@ -68,7 +68,7 @@ def open_background(path: Path) -> BackgroundMap:
 
     Raises:
         InputError: if it has no raster tiles, or cannot be read.
-        RefusedError: if it is a PMTiles file and the package to read it is not installed.
+        MissingExtraError: if it is a PMTiles file and the package to read it is not installed.
     """
     try:
         with open_plain(path) as file:
@@ -115,7 +115,7 @@ def _pmtiles(path: Path) -> tuple[BackgroundMap, bytes]:
     try:
         from pmtiles.reader import MmapSource, Reader, all_tiles
     except ImportError:
-        raise RefusedError("extra-missing.cab", package="pmtiles") from None
+        raise MissingExtraError("pmtiles", "cab", Text("PMTiles are read by it.")) from None
     with path.open("rb") as file:
         source = MmapSource(file)
     reader = Reader(source)

@@ -105,7 +105,7 @@ def live(
         nmea_port: of the outlet of NMEA sentences over TCP; None for none.
         mqtt: broker that messages are sent to: mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], or mqtts://.
         background: PMTiles or MBTiles file of raster tiles that are drawn below the ground worked.
-        language: "en" or "ja", in which the page begins; by default that of its reader.
+        language: its code, such as "en", in which the page begins; by default that of its reader.
         on_scan: gets what is known with each scan, as values of JSON; before the first one what is waited for; at the
             end of the recording that it is over: the page stays until this returns.
 

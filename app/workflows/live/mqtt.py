@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
-from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
+from furrowmap.core.runtime.errors import MissingExtraError, Notice, UsageError
 from furrowmap.core.runtime.languages.texts import Text, Words, reason
 from furrowmap.core.runtime.supervised import SupervisedThread
 
@@ -32,7 +32,7 @@ class MqttOutlet:
         fault: why nothing is sent; None if all is well.
 
     Raises:
-        RefusedError: if the package for it is not installed.
+        MissingExtraError: if the package for it is not installed.
         UsageError: if the URL is none.
     """
 
@@ -48,7 +48,7 @@ class MqttOutlet:
         try:
             self._new_client = _client_type()
         except ImportError:
-            raise RefusedError("extra-missing.cab", package="paho-mqtt") from None
+            raise MissingExtraError("paho-mqtt", "cab", Text("MQTT messages are sent by it.")) from None
         self._topic = unquote(parts.path).strip("/") or "furrowmap"
         self._broker = f"{parts.hostname}:{port}"
         self._at = (parts.hostname, port)

@@ -7,7 +7,7 @@ from operator import xor
 import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.live.poses import MAX_CARRIED_S, LivePose
+from furrowmap.core.live.poses import LivePose
 from furrowmap.core.values.gnss import Fix
 
 
@@ -18,7 +18,7 @@ def sentences(pose: LivePose, frame: MapFrame) -> bytes:
     heading = (pose.attitude_deg[2] + float(frame.convergence_deg(np.array([lon]), np.array([lat]))[0])) % 360.0
     course = heading if pose.speed_mps >= 0.0 else (heading + 180.0) % 360.0
     time = dt.datetime.fromtimestamp(pose.t_s, dt.UTC)
-    fix = pose.fix if pose.position_age_s <= MAX_CARRIED_S else Fix.ESTIMATED
+    fix = Fix.ESTIMATED if pose.is_guess else pose.fix
     quality = int(fix) if fix <= Fix.SIMULATED else int(Fix.DGPS)
     clock = f"{time:%H%M%S}.{time.microsecond // 10000:02d}"
     speed = abs(pose.speed_mps)

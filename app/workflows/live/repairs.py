@@ -12,7 +12,7 @@ import numpy as np
 
 from furrowmap.core.coverage.worked_cells import Swept, Tile
 from furrowmap.core.implement.seen_implement import SeenImplement
-from furrowmap.core.live.live_session import LINE_STEP_S, LiveSession, give_way
+from furrowmap.core.live.live_session import LINE_STEP_S, LiveSession, prepare_worker
 from furrowmap.core.live.poses import TRUE_LEVEL_SIGMA, LivePoses
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.runtime.errors import FurrowmapError
@@ -115,7 +115,7 @@ class Repairs:
         return changed
 
     def _begun(self, piece: Lost, learned: SeenImplement) -> "Future[WorkedAgain | None]":
-        self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), give_way)
+        self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), prepare_worker)
         return self._pool.submit(work_again, self._file, learned, piece.begin_s, piece.end_s, self.utc_minus_host_s)
 
     def can_go_on(self) -> bool:

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.coverage.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, WorkedCells
+from furrowmap.core.runtime.languages.texts import LIVE, texts_by_language
 from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.exporters.reports.html_pages import render
 from furrowmap.exporters.work_colours import DAY, NIGHT
@@ -406,7 +407,8 @@ class PageServer(BoundedServer):
             day=DAY,
             night=NIGHT,
         ).encode()
-        script = files("furrowmap.exporters.share").joinpath("live.js").read_bytes()
+        words = f"const LANGUAGES = {json.dumps(texts_by_language(LIVE))};\n".encode()
+        script = words + files("furrowmap.exporters.share").joinpath("live.js").read_bytes()
         self.served = {"/": ("text/html; charset=utf-8", page), "/live.js": ("text/javascript; charset=utf-8", script)}
         self.own = OwnHosts.of(host, names)
         self.hub = hub

@@ -12,7 +12,8 @@ from typing import Any, Final
 
 from furrowmap.core.geodesy.crs_choice import choose_crs
 from furrowmap.core.readers.arrived_positions import ArrivedPositions
-from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
+from furrowmap.core.runtime.errors import Notice, OptionError, RefusedError
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.machine import Machine, MachineRecord
 from furrowmap.workflows.record.gnss_source import GnssSource
 from furrowmap.workflows.record.ouster_metadata import MetadataAsker
@@ -97,8 +98,8 @@ def record(
     for source in gnss:
         GnssSource.parse(source)
     interval_s = _prepare()
-    lasting = [*lacking, *([] if gnss else [Notice("record-no-gnss")])]
-    opened = open_ports(ports, lasting)
+    opened, doubts = open_ports(ports)
+    lasting = [*lacking, *([] if gnss else [Notice("record-no-gnss")]), *doubts]
     folder.mkdir(parents=True, exist_ok=True)
 
     def new_series(address: str, scanner: int) -> Series:
@@ -166,20 +167,22 @@ def _prepare() -> float:
     return interval_s
 
 
-def open_ports(stated: Sequence[Sequence[int]], lasting: list[Notice]) -> list[Port]:
-    """The ports, open; usual ports that are not stated and are in use, and small buffers, are added to the notices."""
+def open_ports(stated: Sequence[Sequence[int]]) -> tuple[list[Port], list[Notice]]:
+    """The ports, open, and notices of usual ports that are not stated and are in use, and of small buffers."""
     opened = []
+    notices = []
     for scanner, numbers in enumerate(stated):
         for number in numbers or USUAL_PORTS:
             if not 0 < number < 1 << 16:
-                raise UsageError("usage.record-port", port=number)
+                wanted = Text("UDP ports from 1 to 65535")
+                raise OptionError("--ports", number, wanted, "2368,8308")
             try:
                 opened.append(Port.open(number, scanner))
             except RefusedError as error:
                 if numbers:
                     raise
-                lasting.append(Notice.from_error(error))
+                notices.append(Notice.from_error(error))
     granted = min((port.granted_bytes for port in opened), default=BUFFER_BYTES)
     if granted < BUFFER_BYTES:
-        lasting.append(Notice("record-buffer", asked=BUFFER_BYTES, granted=granted))
-    return opened
+        notices.append(Notice("record-buffer", asked=BUFFER_BYTES, granted=granted))
+    return opened, notices

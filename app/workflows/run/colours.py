@@ -35,7 +35,6 @@ class RunColours:
         self._origin_m = origin_m
         self._lock = Lock()
         self._counts = np.zeros(3, np.int64)
-        self._notices = list[Notice]()
         self._ortho_m2 = 0.0
         self._colours: Colours | None = None
 
@@ -59,7 +58,7 @@ class RunColours:
         """Read the images, now that all points are known."""
         assert self._maker is not None
         self._working.close()
-        self._colours = self._maker.finish(self._notices, progress)
+        self._colours = self._maker.finish(progress)
         self._maker = None
 
     def paint(self, points: ChunkColumns, scale_m: float) -> None:
@@ -97,8 +96,9 @@ class RunColours:
         pixels = self._colours.pixels
         balance = self._colours.balance
         coloured, unseen, left_out = self._counts.tolist()
+        notices = [*pixels.notices]
         if coloured + unseen and not coloured:
-            self._notices.append(Notice("nothing-coloured"))
+            notices.append(Notice("nothing-coloured"))
         figures = {
             "images": int(pixels.usable.sum()),
             "points_coloured": coloured,
@@ -109,4 +109,4 @@ class RunColours:
             "vignetting_corner": round(balance.corner, 4),
             "exposure_spread": round(float(balance.gain.std()), 4),
         }
-        return figures, self._notices
+        return figures, notices

@@ -11,7 +11,6 @@ from markupsafe import Markup
 from furrowmap.core.crops.parcel_areas import read_parcels
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.pointclouds.placed_scans import PlacedScan
-from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.exporters.files.provenance import Origin
@@ -46,8 +45,7 @@ class ParcelTool(RunTool):
         if path is None or not self._opened.session.recording.lidar:
             return
         settings = self._settings
-        decided: list[Notice] = []
-        areas = read_parcels(path, self._opened.frame.crs, settings.net_inset_m, notices=decided)
+        areas, decided = read_parcels(path, self._opened.frame.crs, settings.net_inset_m)
         assign_treatments(areas, settings, dt.date.max)
         around_m = PUBLISHED_STRIP_M if settings.published else None
         points = self.stack.enter_context(ParcelPoints(areas, self.folder, around_m, decided))
@@ -73,7 +71,7 @@ class ParcelTool(RunTool):
             return ToolFindings()
         sigma = made.found.placement.poses.sigma.copy()
         east_m, north_m = np.sqrt(np.mean(sigma[:, :2] ** 2, axis=0)).tolist()
-        written = held_against_surface(self._written, self.folder, (east_m, north_m))
+        written = held_against_surface(self._written, self.folder, self._opened.frame, (east_m, north_m))
         shift = written.shift
         doubted = shift is not None and shift.of_positions  # parcels may be right, and the positions off
         if shift is not None and doubted:

@@ -8,7 +8,6 @@ import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path, PurePosixPath
@@ -21,12 +20,12 @@ import numpy as np
 from furrowmap.core.coverage.field_boundary import ground_to_map
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.image_frames import Frames
-from furrowmap.core.live.difference import live_difference
 from furrowmap.core.pipeline.run import run as run_session
 from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.arrays import release
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.file_names import read_own, resolved
+from furrowmap.core.runtime.imports import importing
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.runtime.progress import Progress, silent
@@ -37,7 +36,6 @@ from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.plain_files import refuse_unlike_products
 from furrowmap.exporters.files.result_folder import REPORT, RUN_FILES, RUN_PRODUCTS
 from furrowmap.exporters.files.staging import kept, recover, staged_folder
-from furrowmap.process import importing
 from furrowmap.workflows.run.tools import RunTool
 
 if TYPE_CHECKING:
@@ -117,9 +115,6 @@ def run_to_folder(
             checkpoint = KeptMatching(kept(staging), opened, inputs)
             corrector = next((tool for tool in tools if tool.corrects), None)
             found = run_session(opened, open_sink, report, checkpoint, corrector)
-            worked_m2 = found.work.ground.figures.worked.grid_m2 if found.work.ground is not None else None
-            shown = live_difference(opened.file.parent, found.frame.name, found.placement.poses, worked_m2)
-            found = replace(found, live=shown)
             from furrowmap.workflows.run.products import Made, write_products
 
             made = products[0].finish(found, inputs, progress) if products else Made(found, inputs)

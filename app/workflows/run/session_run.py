@@ -86,7 +86,9 @@ def session_tools(opened: OpenSession) -> list[RunTool]:
         from furrowmap.workflows.run.feature_tool import FeatureTool
 
         tools.append(FeatureTool(session.features))
-    return [*tools, ItemTool()]
+    from furrowmap.workflows.run.live_tool import LiveTool
+
+    return [*tools, LiveTool(opened), ItemTool()]
 
 
 class ItemTool(RunTool):

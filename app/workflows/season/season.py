@@ -15,7 +15,13 @@ import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
-from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError, UsageError
+from furrowmap.core.runtime.errors import (
+    FurrowmapError,
+    InputError,
+    MissingExtraError,
+    Notice,
+    OptionError,
+)
 from furrowmap.core.runtime.file_names import is_file_name, read_own, resolved
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.languages.texts import Text
@@ -319,10 +325,13 @@ def season(
 def _content(settings: SeasonSettings) -> tuple[str, ...]:
     unknown = [name for name in settings.content if name not in CONTENTS]
     if unknown:
-        raise UsageError("usage.season-content", unknown=unknown[0], contents=", ".join(CONTENTS))
+        wanted = Text("one of {choices:or}", choices=CONTENTS)
+        raise OptionError("--content", unknown[0], wanted, f"{CONTENTS[0]}")
     content = tuple(settings.content) or CONTENTS
     if content != (MOSAICS,) and find_spec("pyarrow") is None:
-        raise RefusedError("extra-missing")
+        raise MissingExtraError(
+            "pyarrow", "parquet", Text("GeoParquet is written by it."), otherwise=Text("write the mosaics alone")
+        )
     return content
 
 
@@ -337,7 +346,7 @@ def _make(due: Sequence[tuple[str, Any]], accounts: dict[str, Any], force: Workf
 
 
 def _lost(name: str) -> FurrowmapError:
-    return FurrowmapError("season-worker-lost", name=name, attempts=ATTEMPTS)
+    return FurrowmapError("worker-lost", name=name, attempts=ATTEMPTS, is_session=False)
 
 
 def _put_record(staging: Path, parts: Mapping[str, Planned], accounts: Mapping[str, Any]) -> None:

@@ -87,11 +87,11 @@ def find_sessions(sources: Sequence[Path], out: Path) -> tuple[list[SeasonSessio
     for session in sessions:
         other = places.setdefault(session.name.casefold(), session.folder)
         if other != session.folder:
-            raise InputError("session-twice.expect-different", other=other, folder=session.folder, session=session.name)
+            raise InputError("session-twice", folders=(other, session.folder), session=session.name)
     sessions.sort(key=lambda session: (session.span[1], session.name))
     heights = sorted({session.heights for session in sessions})
     if len(heights) > 1:
-        raise RefusedError("season-heights", heights=", ".join(heights))
+        raise RefusedError("results-heights-mixed", kinds=", ".join(heights))
     notices = []
     if ties:
         used = sum(session.folder in moved for session in sessions)
@@ -109,10 +109,10 @@ def season_crs(sessions: Sequence[SeasonSession], wanted: CRS | None) -> tuple[C
             continue
         if wanted is None:
             raise RefusedError(
-                "season-crs",
+                "results-crs-mixed",
                 folder=sessions[-1].folder,
                 crs=name_of(crs),
-                session_folder=session.folder,
+                other_folder=session.folder,
                 other_crs=name_of(session.crs),
             )
         change = crs_change(session.crs, crs, _bounds(session))

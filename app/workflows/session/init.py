@@ -75,21 +75,24 @@ def proposed(
     beside = TrialFiles.among([*paths, *sorted(folder.iterdir() if folder.is_dir() else [])])
     others = {resolved(file) for _, file in beside.titled}
     examined = []
-    skipped = list[Notice]()
+    skipped: list[Notice] = []
     for path in paths:
         progress(f"Reading {printable(path.name)}", 0.0)
         if resolved(path) not in others:
-            examined += _examined(path, others, skipped)
+            found, unused = _examined(path, others)
+            examined += found
+            skipped += unused
     if not examined:
         raise InputError("no-recording", path=paths[0], names=", ".join(printable(path.name) for path in paths))
     return proposal_of(examined, folder, machine, beside), skipped
 
 
-def _examined(path: Path, others: Set[Path], skipped: list[Notice]) -> list[Examined]:
-    """A recording, or those in a folder without `others`; what is not used there is added to `skipped`."""
+def _examined(path: Path, others: Set[Path]) -> tuple[list[Examined], list[Notice]]:
+    """A recording, or those in a folder without `others`, and what is not used there."""
     if not path.is_dir() or is_recording(path):
-        return Examined.each(path)
+        return Examined.each(path), []
     found: list[Examined] = []
+    skipped = []
     names = []
     for file in sorted(path.iterdir()):
         if file.name.startswith(".") or file.suffix.lower() in NOT_RECORDED or resolved(file) in others:
@@ -105,7 +108,7 @@ def _examined(path: Path, others: Set[Path], skipped: list[Notice]) -> list[Exam
         there = names or [printable(file.name) for file in sorted(path.iterdir())]
         more = ", …" if len(there) > NAMED_FILES else ""
         raise InputError("no-recording", path=path, names=", ".join(there[:NAMED_FILES]) + more)
-    return found
+    return found, skipped
 
 
 def is_recording(folder: Path) -> bool:

@@ -63,7 +63,7 @@ def export(
     folders = [Path(folder) for folder in results]
     wanted = optional_crs(crs)
     if to not in FORMATS and (layers or crs is not None):
-        raise UsageError("usage.export-layers", to=to)
+        raise UsageError("usage.both", one=f"--to {to}", other="--layer" if layers else "--dst-crs")
     if to != STAC and len(folders) != 1:
         raise UsageError("usage.export-one-folder", to=to, count=len(folders))
     opened = [open_result(folder) for folder in folders]

@@ -12,8 +12,8 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import REPORT_PAGE, open_result, reading_result
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.reports.area_units import in_area_unit
-from furrowmap.exporters.reports.html_pages import write_pdf
 from furrowmap.exporters.reports.page_language import has_other_languages, in_language, language_of, unbroken
+from furrowmap.exporters.reports.printed_pages import write_pdf
 from furrowmap.exporters.share.field_project import FIELD_PRODUCTS, PROJECT_FILE, write_field_project
 from furrowmap.exporters.share.page import INDEX, PAGE_PRODUCTS, SHARE_REPORT, write_page
 from furrowmap.workflows.share.export import refuse_result
@@ -32,7 +32,7 @@ def write_report_page(
     Args:
         result: its folder.
         out: the page or PDF; by default `report.html` of the result is replaced, or `report.pdf` written beside it.
-        language: "en" or "ja"; by default the user's, or else that of the page.
+        language: its code, such as "en"; by default the user's, or else that of the page.
         area_unit: "ha", "10a" or "acre"; by default that of the page.
         pdf: write a PDF, on A4.
 
@@ -90,8 +90,8 @@ def share(
         result: folder that a run wrote.
         out: the folder to write; by default beside the result, named after it.
         qfield: write a QGIS project with its layers for QField instead of a page.
-        language: "en" or "ja": of a project (by default the user's), or in which a page begins (by default that of its
-            reader's browser; each page has both).
+        language: its code, such as "en": of a project (by default the user's), or in which a page begins (by default
+            that of its reader's browser; each page has all).
 
     Raises:
         InputError: if the folder contains no result, or a file of it is damaged.

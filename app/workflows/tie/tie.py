@@ -20,17 +20,18 @@ from furrowmap.core.coregistration.pair_tie import PLACE_TERMS, PairTie, tie_pai
 from furrowmap.core.coregistration.tie_network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
 from furrowmap.core.coregistration.upright import Upright, find_uprights, join_uprights, tie_uprights
 from furrowmap.core.coverage.field_surfaces import BESIDE_M
+from furrowmap.core.readers.chosen_survey import SurveyOptions, may_hold_points
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
-from furrowmap.core.readers.surveyed_points import SurveyOptions, may_hold_points
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.languages.texts import Words
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.moved_surface import move_places
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.scan import PointClass
-from furrowmap.exporters.farm.surface_file import OpenSurface, heights_of, open_surface, same_map, surface_file
+from furrowmap.exporters.farm.surface_file import OpenSurface, height_surface, heights_of, open_surface, same_map
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
@@ -135,7 +136,7 @@ def tie(
             raise InputError("tie-nothing-common", dates=len(dates))
         prior = np.array([*([work.reference.sigma] if work.reference else []), *[date.sigma for date in dates]])
         net = adjust_network(work.ties, prior)
-        notices = list(_notices(work, net, prior))
+        notices = _notices(work, net, prior)
         for notice in notices:
             warn(notice)
         return _write(staging, work, net, settings, notices, progress, warn)
@@ -254,11 +255,11 @@ def _write(
     work: _Work,
     net: Network,
     settings: TieSettings,
-    notices: list[Notice],
+    notices: Sequence[Notice],
     progress: Progress,
     warn: Callable[[Notice], None],
 ) -> dict[str, Any]:
-    """Write all products, and warn of changes that are seen badly; the account."""
+    """Write all products, and warn of changes that are seen badly; the account, with `notices` and these warnings."""
     inputs = [
         (path, date.after.path.parent.parent)
         for date in work.dates
@@ -276,12 +277,13 @@ def _write(
             own = Origin("Surface moved by its tie", date.name, origin.inputs)
             write_moved(staging / dates[k]["surface"], mover, mover.surface.grid, work.crs, own)
     changes = _write_changes(staging, work, net, movers, origin)
+    badly_seen = []
     for row in changes:
         if (row["shadow_share"] or 0.0) > MAX_SHADOW_SHARE:
             names = {"name": work.dates[row["date_a"] - 1].name, "name_other": work.dates[row["date_b"] - 1].name}
             figures = {key: row[key] for key in ("shadow_share", "mean_change_m", "mean_change_sigma_m")}
-            notices.append(Notice("tie-shadows", **names, **figures))
-            warn(notices[-1])
+            badly_seen.append(Notice("tie-shadows", **names, **figures))
+            warn(badly_seen[-1])
     outlines = [shapely.box(*date.after.bounds_m) for date in work.dates]
     for layer in tie_layers(outlines, dates, work.ties, ties):
         write_layer(staging / TIE, layer, work.crs, indexed=False, origin=origin)
@@ -295,7 +297,7 @@ def _write(
         "dates": dates,
         "ties": ties,
         "changes": changes,
-        "warnings": list(notices),
+        "warnings": [*notices, *badly_seen],
         "products": sorted([*(path.name for path in staging.iterdir()), TIE_REPORT, TIE_PAGE]),
     }
     account = dict(plain(content))
@@ -477,7 +479,7 @@ def open_reference(
     if may_hold_points(path):
         # the points themselves carry the survey's errors
         return Reference(path, None, np.full(6, _SURE), sigma_m or None)
-    file = surface_file(path)
+    file = height_surface(path, _no_reference)
     first = dates[0].after
     heights = {heights_of(surface.crs) for surface in (file, first)}
     if not same_map(file.crs, first.crs) or len(heights - {""}) > 1:
@@ -487,6 +489,10 @@ def open_reference(
     sigma = np.full(6, _SURE)
     sigma[2] = max(sigma_m, _SURE)
     return Reference(path, surface, sigma, None, file.scale.notices)
+
+
+def _no_reference(path: Path, why: Words) -> InputError:
+    return InputError("surface-unusable.of-reference", path=path, why=why)
 
 
 def reference_tie(

@@ -67,6 +67,8 @@ def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) 
         for crs in (base, map_base):
             shift_m = datum_shift_m(crs, round(lon, 1), round(lat, 1))
             if shift_m is not None and shift_m > LARGEST_DATUM_SHIFT_M:
+                if np.isinf(shift_m):
+                    raise InputError("polygons-datum.unknown", what=what, base=crs.name)
                 raise InputError("polygons-datum", what=what, base=crs.name, shift_m=shift_m)
     moved = shapely.transform(round_earth, lambda xy: np.column_stack(to_map.transform(*xy.T)))
     if not np.isfinite(shapely.get_coordinates(moved)).all():

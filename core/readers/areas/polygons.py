@@ -17,6 +17,7 @@ from furrowmap.core.readers.column_names import means, unit_fault
 from furrowmap.core.readers.isoxml.content import is_task_data, open_task_sets, read_content
 from furrowmap.core.readers.text_table import column_names, is_spreadsheet, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable, read_polygons
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.languages.texts import Text, reason
 
@@ -123,7 +124,7 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
         shapes.append(shapely.Polygon(xy[members]))
         attributes.append({column: name, **{key: number_or_text(cells[members[0]]) for key, cells in others.items()}})
     if target is None and pair in _MAP_PAIRS:
-        raise unreadable(Text("it states no CRS for its eastings and northings; longitudes and latitudes need none"))
+        raise InputError("polygons-no-crs.of-table", path=path)
     base = target.geodetic_crs if target is not None else _LONGITUDES
     crs = target if target is not None and (pair in _MAP_PAIRS or base is None) else base
     assert crs is not None

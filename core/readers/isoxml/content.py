@@ -6,7 +6,7 @@ ISO 11783-10:2015, annex D, names the elements of TASKDATA.XML by three letters 
 import stat
 import zipfile
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from hashlib import sha256
@@ -131,7 +131,7 @@ def _folder_names(folder: Path) -> list[str]:
 
 def _mains(names: list[str]) -> list[str]:
     """Names of main files, without the resource files of macOS."""
-    paths = [PurePosixPath(name) for name in names]
+    paths = [PurePosixPath(name) for name in names if MAIN in name.upper()]
     return [p.as_posix() for p in paths if p.name.upper() == MAIN and not any("MACOSX" in part for part in p.parts)]
 
 
@@ -261,24 +261,28 @@ class TaskData:
 
 def read_content(files: TaskFiles) -> TaskData:
     """The content of the main file and the external files that it refers to; InputError if that is not task data."""
-    notices = list(files.notices)
     root = parse_xml(files.read(MAIN), files.named(MAIN))
     if root.tag != TASK_DATA_ROOT:
         raise InputError("task-data-missing", main=files.named(MAIN), tag=root.tag[:40])
-    items = list(_items(files, root, notices))
+    items, lost = _items(files, root)
+    notices = [*files.notices, *lost]
     maker = root.get("TaskControllerManufacturer") or root.get("ManagementSoftwareManufacturer")
     partfields = []
     for item in (item for item in items if item.tag == "PFD"):
         name = item.get("C") or item.get("A")
         polygons = [p for p in item.all("PLN") if p.get("A") == BOUNDARY_POLYGON]
-        boundary = shapely.union_all([_polygon(p, name, notices) for p in polygons])
+        outlines = [_polygon(p, name) for p in polygons]
+        boundary = shapely.union_all([outline for outline, _ in outlines])
+        notices += [notice for _, dropped in outlines for notice in dropped]
         partfields.append(Partfield(item.get("A"), name, None if boundary.is_empty else boundary))
     elements = [part for item in items if item.tag == "DVC" for part in device_elements(item)]
+    partfields_by_id, again = _by_id(partfields, "partfield")
+    elements_by_id, elements_again = _by_id(elements, "device element")
     return TaskData(
         version=f"{root.get('VersionMajor')}.{root.get('VersionMinor')}",
         maker=maker,
-        partfields=_by_id(partfields, "partfield", notices),
-        elements=_by_id(elements, "device element", notices),
+        partfields=partfields_by_id,
+        elements=elements_by_id,
         tasks=tuple(
             Task(
                 id=item.get("A"),
@@ -291,16 +295,18 @@ def read_content(files: TaskFiles) -> TaskData:
             for item in items
             if item.tag == "TSK"
         ),
-        notices=tuple(notices),
+        notices=(*notices, *again, *elements_again),
     )
 
 
-def _items(files: TaskFiles, root: Element, notices: list[Notice]) -> Iterator[Element]:
+def _items(files: TaskFiles, root: Element) -> tuple[list[Element], list[Notice]]:
     """The elements of the main file, with external files in place of the references to them; each is read once."""
+    items: list[Element] = []
+    notices: list[Notice] = []
     read: Counter[str] = Counter()
     for item in root.children:
         if item.tag != "XFR":
-            yield item
+            items.append(item)
             continue
         name = f"{item.get('A')}.XML"
         read[name] += 1
@@ -311,8 +317,9 @@ def _items(files: TaskFiles, root: Element, notices: list[Notice]) -> Iterator[E
         except InputError as error:
             notices.append(Notice("external-file-lost", lines=error.lines[0]))
             continue
-        yield from external.children if external.tag == EXTERNAL else ()
-    notices += named_again(read)
+        if external.tag == EXTERNAL:
+            items += external.children
+    return items, notices + named_again(read)
 
 
 def named_again(read: Counter[str]) -> list[Notice]:
@@ -325,18 +332,21 @@ def named_again(read: Counter[str]) -> list[Notice]:
 _T = TypeVar("_T", Partfield, DeviceElement)
 
 
-def _by_id(found: list[_T], kind: str, notices: list[Notice]) -> dict[str, _T]:
+def _by_id(found: list[_T], kind: str) -> tuple[dict[str, _T], list[Notice]]:
+    """The first of each id, and a notice of each other."""
     by_id: dict[str, _T] = {}
+    notices = []
     for one in found:
         if one.id in by_id:
             notices.append(Notice("id-twice", id=one.id, kind=kind))
         else:
             by_id[one.id] = one
-    return by_id
+    return by_id, notices
 
 
-def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
+def _polygon(item: Element, name: str) -> tuple[BaseGeometry, list[Notice]]:
     """A polygon with its holes, in version 4 of several exteriors; invalid rings are dropped with a notice."""
+    notices = []
     shells: list[BaseGeometry] = []
     holes: list[BaseGeometry] = []
     first_deg: float | None = None
@@ -362,8 +372,8 @@ def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
     except ValueError:
         places_of_all = int(shapely.get_num_coordinates(np.array([*shells, *holes], object)).sum())
         notices.append(Notice("boundary-ring", name=name, usable=0, places=places_of_all))
-        return shapely.Polygon()
-    return shapely.difference(shapely.union_all(shells), shapely.union_all(holes))
+        return shapely.Polygon(), notices
+    return shapely.difference(shapely.union_all(shells), shapely.union_all(holes)), notices
 
 
 def _degrees(text: str) -> float:

@@ -7,6 +7,7 @@ navigation reference, positions are taken as those of a machine's reference poin
 
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from furrowmap.core.readers.isoxml.devices import CONNECTOR, NAVIGATION, DeviceElement
@@ -26,14 +27,20 @@ Hop = tuple[str, str]
 """The connectors of the machine nearer to the positions and of the next."""
 
 
-def implement_links(
-    device: str,
-    elements: Mapping[str, DeviceElement],
-    connections: Sequence[tuple[str, str]],
-    stated: StatedValues,
-    notices: list[Notice],
-) -> tuple[tuple[Link, ...], bool]:
+@dataclass(frozen=True)
+class ImplementLinks:
     """The links from the logged positions to the reference point of a machine, and whether a joint is between."""
+
+    links: tuple[Link, ...]
+    is_drawn: bool
+    notices: tuple[Notice, ...]
+
+
+def implement_links(
+    device: str, elements: Mapping[str, DeviceElement], connections: Sequence[tuple[str, str]], stated: StatedValues
+) -> ImplementLinks:
+    """How a machine is joined to the one that has the logged positions."""
+    notices = []
     references = {one.device: one for one in elements.values() if one.kind == NAVIGATION}
     joined = [pair for pair in connections if pair[0] in elements and pair[1] in elements]
     if not joined and device not in references:
@@ -48,10 +55,11 @@ def implement_links(
         notices.append(Notice("sections-from-reference-point", device=first))
     is_drawn = False
     for hop in hops:
-        found = _links_of_hop(hop, elements, stated, notices)
+        found, doubts = _links_of_hop(hop, elements, stated)
         is_drawn |= any(link.drawbar_m > 0.0 for link in found)
         links += found
-    return tuple(link for link in links if link != Link((0.0, 0.0), 0.0)), is_drawn
+        notices += doubts
+    return ImplementLinks(tuple(link for link in links if link != Link((0.0, 0.0), 0.0)), is_drawn, tuple(notices))
 
 
 def _only_connection(
@@ -98,16 +106,16 @@ def _links_from_reference(reference: DeviceElement | None, stated: StatedValues)
 
 
 def _links_of_hop(
-    hop: Hop, elements: Mapping[str, DeviceElement], stated: StatedValues, notices: list[Notice]
-) -> list[Link]:
+    hop: Hop, elements: Mapping[str, DeviceElement], stated: StatedValues
+) -> tuple[list[Link], list[Notice]]:
     """From the reference point of a machine to that of the next."""
     ahead_m = [stated.offset_m(one, OFFSET_X) or 0.0 for one in hop]
     left_m = [-(stated.offset_m(one, OFFSET_Y) or 0.0) for one in hop]
     kinds = [stated.number(one, CONNECTOR_TYPE) for one in hop]
     kind = next((one for one in reversed(kinds) if one), 0)
+    rigid = [Link((ahead_m[0] - ahead_m[1], left_m[0] - left_m[1]), 0.0)]
     if kind not in JOINTS_THAT_TURN:
-        return [Link((ahead_m[0] - ahead_m[1], left_m[0] - left_m[1]), 0.0)]
+        return rigid, []
     if ahead_m[0] > 0.0 or ahead_m[1] <= MIN_DRAWBAR_M:
-        notices.append(Notice("drawbar-unknown", device=elements[hop[1]].device))
-        return [Link((ahead_m[0] - ahead_m[1], left_m[0] - left_m[1]), 0.0)]
-    return [Link((ahead_m[0], left_m[0]), ahead_m[1]), Link((0.0, -left_m[1]), 0.0)]
+        return rigid, [Notice("drawbar-unknown", device=elements[hop[1]].device)]
+    return [Link((ahead_m[0], left_m[0]), ahead_m[1]), Link((0.0, -left_m[1]), 0.0)], []

@@ -32,7 +32,7 @@ from furrowmap.core.readers.isoxml.content import (
     read_content,
 )
 from furrowmap.core.readers.isoxml.devices import PARALLEL, DeviceElement, ancestors
-from furrowmap.core.readers.isoxml.implement_placement import implement_links
+from furrowmap.core.readers.isoxml.implement_placement import ImplementLinks, implement_links
 from furrowmap.core.readers.isoxml.task_sections import (
     CONDENSED_STATES,
     SECTIONS_EACH,
@@ -50,7 +50,6 @@ from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack, assumed_sigma_m
 from furrowmap.core.values.scan import Clock, ClockReading
-from furrowmap.core.values.sections import Link
 from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M
 from furrowmap.core.values.tool_states import SectionStates, ToolState, ToolStates
 
@@ -64,17 +63,24 @@ EFFECTIVE_TIME: Final = 119
 """s, as 120, the ineffective one."""
 
 
-def _logged_work(
-    log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]
-) -> tuple[NDArray[np.int8], FloatArray, float]:
+@dataclass(frozen=True)
+class _LoggedWork:
     """States (n,), width (n,; nan where not logged), and increase of the area counter (nan without) in a time log."""
-    states = _states(log, elements, notices)
+
+    state: NDArray[np.int8]
+    width_m: FloatArray
+    counted_m2: float
+    notices: tuple[Notice, ...]
+
+
+def _logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> _LoggedWork:
+    states, contradicted = _states(log, elements)
     state = np.full(len(log), ToolState.UNKNOWN, np.int8)
     if states:
         table = np.stack(list(states.values()))
         state[(table == ToolState.UP).any(axis=0)] = ToolState.UP
         state[(table == ToolState.DOWN).any(axis=0)] = ToolState.DOWN
-    width = _width(log, elements, states, state == ToolState.DOWN, notices)
+    width, implausible = _width(log, elements, states, state == ToolState.DOWN)
     state[(state == ToolState.DOWN) & (width == 0.0)] = ToolState.UP
     gains = {
         element: np.nanmax(values) - np.nanmin(values)
@@ -82,11 +88,12 @@ def _logged_work(
         if np.isfinite(values).any()
     }
     topmost = [gain for element, gain in gains.items() if not set(ancestors(element, elements)) & gains.keys()]
-    return state, width, float(max(topmost, default=np.nan))
+    return _LoggedWork(state, width, float(max(topmost, default=np.nan)), (*contradicted, *implausible))
 
 
-def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]) -> dict[str, NDArray[np.int8]]:
+def _states(log: TimeLog, elements: Mapping[str, DeviceElement]) -> tuple[dict[str, NDArray[np.int8]], list[Notice]]:
     """The state (n,) of each of the smallest device elements that have one."""
+    notices = []
     own = {
         element: np.select([raw == 0, raw == 1], [ToolState.UP, ToolState.DOWN], ToolState.UNKNOWN).astype(np.int8)
         for element, raw in log.values_of(WORK_STATE)
@@ -100,7 +107,7 @@ def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[N
         else:
             own[element] = any_on
     above = {parent for element in own for parent in ancestors(element, elements)}
-    return {element: state for element, state in own.items() if element not in above}
+    return {element: state for element, state in own.items() if element not in above}, notices
 
 
 def _section_states(log: TimeLog) -> dict[str, NDArray[np.int8]]:
@@ -121,9 +128,9 @@ def _width(
     elements: Mapping[str, DeviceElement],
     states: Mapping[str, NDArray[np.int8]],
     at_work: NDArray[np.bool_],
-    notices: list[Notice],
-) -> FloatArray:
+) -> tuple[FloatArray, list[Notice]]:
     """The working width (n,): the sum of the sections at work, or the width of the widest function."""
+    notices = []
     widths = {element: raw / 1000.0 for element, raw in log.values_of(ACTUAL_WIDTH)}
     wrong = sum(int(np.sum((values < 0.0) | (values > MAX_IMPLEMENT_WIDTH_M))) for values in widths.values())
     if wrong:
@@ -142,7 +149,7 @@ def _width(
             parallel += np.where(working & np.isfinite(widths[element]), widths[element], 0.0)
         else:
             width = np.fmax(width, widths[element])
-    return np.fmax(width, parallel) if sections else width
+    return np.fmax(width, parallel) if sections else width, notices
 
 
 MAX_HOLD_S: Final = 15.0
@@ -237,7 +244,48 @@ def _read_sets(path: Path) -> tuple[list[tuple[TaskFiles, TaskData]], list[Notic
 def _read_task(
     files: TaskFiles, content: TaskData, task: Task, read: Counter[str], seen: dict[bytes, tuple[str, str]]
 ) -> LoggedTask:
-    """The task's logs, without those that were `read` for it or another task before.
+    """A task by the logs of :func:`_read_logs`."""
+    logs, notices = _read_logs(files, task, read, seen)
+    local_s, of_clock = _local_minus_utc_s(files.named(task.id), logs, task)
+    work = [_logged_work(log, content.elements) for log in logs]
+    counted = [one.counted_m2 for one in work if np.isfinite(one.counted_m2)]
+    stated = StatedValues(logs, content.elements)
+    sections, of_sections = read_sections(logs, content.elements, stated)
+    notices += [*of_clock, *(notice for one in work for notice in one.notices), *of_sections]
+    placement = ImplementLinks(links=(), is_drawn=False, notices=())
+    if sections is not None:
+        placement = implement_links(sections.device, content.elements, task.connections, stated)
+        work = [_work_of_sections(one, table, sections) for one, table in zip(work, sections.states, strict=True)]
+    all_states = np.concatenate([np.zeros(0, np.int8), *(one.state for one in work)])
+    all_widths = np.concatenate([np.zeros(0), *(one.width_m for one in work)])
+    joined = _join_logs(files.named(task.id), logs, local_s)
+    notices += joined.notices
+    states = _intervals(joined.t_s, all_states[joined.record])
+    if sections is not None:
+        table = np.concatenate(sections.states)[joined.record]
+        states = replace(states, sections=_section_intervals(joined.t_s, table, sections, placement))
+    if not len(joined.track):
+        notices.append(Notice("no-positions.of-task", id=files.named(task.id)))
+    return LoggedTask(
+        id=files.id_of(task.id),
+        name=task.name,
+        field=content.partfields.get(task.partfield),
+        track=joined.track,
+        state=all_states[joined.used],
+        width_m=all_widths[joined.used],
+        states=states,
+        counted_m2=float(sum(counted)) if counted else float("nan"),
+        local_minus_utc_s=local_s,
+        logs=task.logs,
+        notices=tuple(notices),
+        placement_notices=placement.notices,
+    )
+
+
+def _read_logs(
+    files: TaskFiles, task: Task, read: Counter[str], seen: dict[bytes, tuple[str, str]]
+) -> tuple[list[TimeLog], list[Notice]]:
+    """The task's logs with records, without those that were `read` for it or another task before, by their begin.
 
     `seen` are the digests of logs with their set and name: a later set often has the logs of an earlier one.
     """
@@ -263,64 +311,35 @@ def _read_task(
         else:
             notices.append(Notice("time-log-empty", name=files.named(name)))
     logs.sort(key=lambda log: log.clock_s[0])
-    local_s = _local_minus_utc_s(files.named(task.id), logs, task, notices)
-    work = [_logged_work(log, content.elements, notices) for log in logs]
-    counted = [counted_m2 for _, _, counted_m2 in work if np.isfinite(counted_m2)]
-    stated = StatedValues(logs, content.elements)
-    sections = read_sections(logs, content.elements, stated, notices)
-    placement_notices: list[Notice] = []
-    links: tuple[tuple[Link, ...], bool] = (), False
-    if sections is not None:
-        work = [
-            (*_work_of_sections(table, sections), counter_m2)
-            for table, (_, _, counter_m2) in zip(sections.states, work, strict=True)
-        ]
-        links = implement_links(sections.device, content.elements, task.connections, stated, placement_notices)
-    all_states = np.concatenate([np.zeros(0, np.int8), *(state for state, _, _ in work)])
-    all_widths = np.concatenate([np.zeros(0), *(width_m for _, width_m, _ in work)])
-    track, used, record, t_s = _join_logs(files.named(task.id), logs, local_s, notices)
-    states = _intervals(t_s, all_states[record])
-    if sections is not None:
-        states = replace(
-            states, sections=_section_intervals(t_s, np.concatenate(sections.states)[record], sections, *links)
-        )
-    if not len(track):
-        notices.append(Notice("no-positions.of-task", id=files.named(task.id)))
-    return LoggedTask(
-        id=files.id_of(task.id),
-        name=task.name,
-        field=content.partfields.get(task.partfield),
-        track=track,
-        state=all_states[used],
-        width_m=all_widths[used],
-        states=states,
-        counted_m2=float(sum(counted)) if counted else float("nan"),
-        local_minus_utc_s=local_s,
-        logs=task.logs,
-        notices=tuple(notices),
-        placement_notices=tuple(placement_notices),
-    )
+    return logs, notices
 
 
-def _work_of_sections(table: NDArray[np.int8], sections: LoggedSections) -> tuple[NDArray[np.int8], FloatArray]:
+def _work_of_sections(work: _LoggedWork, table: NDArray[np.int8], sections: LoggedSections) -> _LoggedWork:
     """The state (n,) of the whole implement by that of its sections (n, k), and how much of its width works (n,)."""
     working = table == ToolState.DOWN
     state = np.where((table == ToolState.UP).all(axis=1), ToolState.UP, ToolState.UNKNOWN)
     state = np.where(working.any(axis=1), ToolState.DOWN, state).astype(np.int8)
-    return state, working @ np.array([section.width_m for section in sections.sections])
+    return replace(work, state=state, width_m=working @ np.array([section.width_m for section in sections.sections]))
 
 
-def _join_logs(
-    name: str, logs: Sequence[TimeLog], local_s: float, notices: list[Notice]
-) -> tuple[GnssTrack, NDArray[np.intp], NDArray[np.intp], FloatArray]:
-    """The positions of the logs, their record among those of all logs, and each record that counts with its UTC.
+@dataclass(frozen=True)
+class _JoinedLogs:
+    """The positions of the logs, their record among those of all logs, and each record that counts with its UTC."""
 
-    Of records of equal times the last counts.
-    """
+    track: GnssTrack
+    used: NDArray[np.intp]
+    record: NDArray[np.intp]
+    t_s: FloatArray
+    notices: tuple[Notice, ...]
+
+
+def _join_logs(name: str, logs: Sequence[TimeLog], local_s: float) -> _JoinedLogs:
+    """Of records of equal times the last counts."""
 
     def column(name: str) -> FloatArray:
         return np.concatenate([np.zeros(0), *(getattr(log, name) for log in logs)])
 
+    notices = []
     clock_s = column("clock_s")
     forward = np.flatnonzero(clock_s >= np.maximum.accumulate(clock_s))
     if len(forward) < len(clock_s):
@@ -349,8 +368,7 @@ def _join_logs(
         track, here, dropped = drop_implausible_positions(track)
     except InputError as error:
         track, here, dropped = track[:0], np.zeros(len(track), bool), [Notice.from_error(error)]
-    notices += dropped
-    return track, placed[here], last, t_s[last]
+    return _JoinedLogs(track, placed[here], last, t_s[last], (*notices, *dropped))
 
 
 @dataclass(frozen=True)
@@ -406,7 +424,7 @@ def _intervals(t_s: FloatArray, state: NDArray[np.int8]) -> ToolStates:
 
 
 def _section_intervals(
-    t_s: FloatArray, table: NDArray[np.int8], logged: LoggedSections, links: tuple[Link, ...], is_drawn: bool
+    t_s: FloatArray, table: NDArray[np.int8], logged: LoggedSections, placement: ImplementLinks
 ) -> tuple[SectionStates, ...]:
     """The states (n, k) of sections in records as intervals of time; none without a record that lasts."""
     found = _Intervals.between(t_s, (table[1:] != table[:-1]).any(axis=1))
@@ -415,35 +433,36 @@ def _section_intervals(
         return ()
     states = SectionStates(
         sections=logged.sections,
-        links=links,
+        links=placement.links,
         begin_s=found.begin_s[lasting],
         end_s=found.end_s[lasting],
         state=table[found.first][lasting],
         begin_sigma_s=found.begin_sigma_s[lasting],
         end_sigma_s=found.end_sigma_s[lasting],
-        is_drawn=is_drawn,
+        is_drawn=placement.is_drawn,
     )
     return (states,)
 
 
-def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: list[Notice]) -> float:
+def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task) -> tuple[float, list[Notice]]:
     """Terminal's clock minus UTC, from the records' GPS times, or from the time zone of the task's times; else nan."""
     ahead = np.concatenate([log.clock_s - log.gps_s for log in logs]) if logs else np.zeros(0)
     ahead = ahead[np.isfinite(ahead)]
+    notices = []
     if len(ahead):
         middle = float(np.median(ahead))
         steady = float(np.median(np.abs(ahead - middle))) < STEADY_S
         if steady and abs(middle) < MAX_ZONE_S:
             if abs(middle) > STEADY_S:
                 notices.append(Notice("clock-by-gps", name=name, ahead_s=middle))
-            return middle
+            return middle, notices
         notices.append(Notice("gps-time-unused", name=name, differ_s=abs(middle)))
     local_s = _zone_s(logs, task)
     if local_s is not None:
-        return local_s
+        return local_s, notices
     if logs:
         notices.append(Notice("local-time", name=name))
-    return float("nan")
+    return float("nan"), notices
 
 
 def _zone_s(logs: Sequence[TimeLog], task: Task) -> float | None:

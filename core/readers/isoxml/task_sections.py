@@ -104,14 +104,14 @@ class StatedValues:
 
 
 def read_sections(
-    logs: Sequence[TimeLog], elements: Mapping[str, DeviceElement], stated: StatedValues, notices: list[Notice]
-) -> LoggedSections | None:
+    logs: Sequence[TimeLog], elements: Mapping[str, DeviceElement], stated: StatedValues
+) -> tuple[LoggedSections | None, list[Notice]]:
     """The sections of the implement in a task's logs; None where fewer than two have states and a known place.
 
     Of several parts of a machine that have sections the widest counts, with a notice: each works the ground of the
     others again.
     """
-    states = _states_of_sections(logs, elements, stated, notices)
+    states, notices = _states_of_sections(logs, elements, stated)
     parts: defaultdict[str, list[str]] = defaultdict(list)
     for section in states:
         parts[next((one for one in ancestors(section, elements) if elements[one].kind not in PARALLEL), "")].append(
@@ -126,13 +126,14 @@ def read_sections(
             states[section] = [np.full(len(log), ToolState.UNKNOWN, np.int8) for log in logs]
         if len(ids) < 2:
             continue
-        placed = _placed(ids, elements, stated, notices)
+        placed, assumed = _placed(ids, elements, stated)
+        notices += assumed
         if placed is None:
             notices.append(Notice("sections-not-placed", part=_name(part, elements), sections=len(ids)))
         else:
             found[part] = placed
     if not found:
-        return None
+        return None, notices
     chosen = max(found, key=lambda part: (round(_span_m(found[part]), 2), len(found[part])))
     device = elements[found[chosen][0][0]].device
     others = [_name(part, elements) for part in found if part != chosen]
@@ -146,11 +147,12 @@ def read_sections(
     shifted = [elements[section].name for section in ids if stated.varies(section)]
     if shifted:
         notices.append(Notice("sections-shift", names=", ".join(shifted[:4])))
-    return LoggedSections(
+    sections = LoggedSections(
         sections=tuple(section for _, section in found[chosen]),
         states=tuple(np.column_stack([states[section][k] for section in ids]) for k in range(len(logs))),
         device=device,
     )
+    return sections, notices
 
 
 def _silent_sections(
@@ -184,8 +186,8 @@ def _span_m(placed: Sequence[tuple[str, Section]]) -> float:
 
 
 def _placed(
-    ids: Sequence[str], elements: Mapping[str, DeviceElement], stated: StatedValues, notices: list[Notice]
-) -> list[tuple[str, Section]] | None:
+    ids: Sequence[str], elements: Mapping[str, DeviceElement], stated: StatedValues
+) -> tuple[list[tuple[str, Section]] | None, list[Notice]]:
     """The sections from left to right, with their ids; None if a width or a place is not stated, or cannot be.
 
     Where all widths but no places are stated, sections lie side by side in the order of their numbers, the middle of
@@ -195,7 +197,8 @@ def _placed(
     right_m = [stated.offset_m(section, OFFSET_Y) for section in ids]
     known_m = [width_m for width_m in widths_m if width_m is not None]
     if len(known_m) < len(ids):
-        return None
+        return None, []
+    notices = []
     placed_m = [offset_m for offset_m in right_m if offset_m is not None]
     order = sorted(range(len(ids)), key=lambda k: elements[ids[k]].number)
     if not placed_m:
@@ -205,20 +208,21 @@ def _placed(
             placed_m[k] = middle_m
         notices.append(Notice("sections-side-by-side", names=", ".join(elements[ids[k]].name for k in order[:4])))
     if len(placed_m) < len(ids):
-        return None
+        return None, notices
     found = [
         (ids[k], Section(elements[ids[k]].name, stated.ahead_m(ids[k]), 0.0 - placed_m[k], known_m[k]))
         for k in sorted(order, key=lambda k: placed_m[k])
     ]
     if _span_m(found) > MAX_IMPLEMENT_WIDTH_M or len({section.y_m for _, section in found}) < len(found):
-        return None
-    return found
+        return None, notices
+    return found, notices
 
 
 def _states_of_sections(
-    logs: Sequence[TimeLog], elements: Mapping[str, DeviceElement], stated: StatedValues, notices: list[Notice]
-) -> dict[str, list[StateArray]]:
+    logs: Sequence[TimeLog], elements: Mapping[str, DeviceElement], stated: StatedValues
+) -> tuple[dict[str, list[StateArray]], list[Notice]]:
     """The states (n,) in each log of the smallest sections and units that have one."""
+    notices = []
     own = [_own_states(log) for log in logs]
     condensed = [_condensed_states(log) for log in logs]
     states: dict[str, list[StateArray]] = {}
@@ -244,11 +248,12 @@ def _states_of_sections(
             for new, old in zip(logged, before, strict=True)
         ]
     above = {parent for section in states for parent in ancestors(section, elements)}
-    return {
+    smallest = {
         section: [_under_parents(section, elements, *pair) for pair in zip(own, found, strict=True)]
         for section, found in states.items()
         if section not in above
     }
+    return smallest, notices
 
 
 def _is_parallel(element: str, elements: Mapping[str, DeviceElement]) -> bool:

@@ -18,6 +18,7 @@ from furrowmap.core.readers.isoxml.xml import parse_xml
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.clock import DAY_S
 
 EPOCH_S: Final = 315_532_800
@@ -192,7 +193,12 @@ def read_header(data: bytes, name: str) -> RecordLayout:
     root = parse_xml(data, f"{name}.xml")
     position = next(root.all("PTN"), None)
     if root.tag != "TIM" or position is None:
-        raise InputError("time-log-header", name=name, tag=root.tag[:40], position=", without PTN" * (position is None))
+        fault = Text(
+            "not the header of a time log (root <{tag}>{has_no_position:, without PTN|})",
+            tag=root.tag[:40],
+            has_no_position=position is None,
+        )
+        raise InputError("time-log-header", name=name, fault=fault)
     channels: list[tuple[int, str]] = []
     constants: dict[int, int] = {}
     for item in root.all("DLV"):
@@ -202,9 +208,11 @@ def read_header(data: bytes, name: str) -> RecordLayout:
         try:
             channels.append((int(item.get("A"), 16), item.get("C")))
         except ValueError:
-            raise InputError("time-log-header.channel", name=name, item=item.get("A")) from None
+            fault = Text("{item!r} is not a hexadecimal number of the data dictionary", item=item.get("A"))
+            raise InputError("time-log-header", name=name, fault=fault) from None
     if len(channels) > MAX_CHANNELS:
-        raise InputError("time-log-header.too-many-values", name=name, channels=len(channels), most_values=MAX_CHANNELS)
+        fault = Text("{values} values; at most {most} can be numbered", values=len(channels), most=MAX_CHANNELS)
+        raise InputError("time-log-header", name=name, fault=fault)
     open_letters = ""
     stated = {}
     for letter in _ATTRIBUTE_BYTES:
@@ -223,7 +231,8 @@ def _constant(text: str, name: str) -> int:
     except ValueError:
         value = INT32.max + 1
     if not INT32.min <= value <= INT32.max:
-        raise InputError("time-log-header.constant-value", name=name, item=text[:40])
+        fault = Text("{item!r} as the value of all records is not a whole number of 32 bits", item=text[:40])
+        raise InputError("time-log-header", name=name, fault=fault)
     return value
 
 

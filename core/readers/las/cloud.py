@@ -78,10 +78,15 @@ def stated_crs(
         for r in reversed(records)
         if r.user == _USER_ID and r.number in (_KEYS_RECORD, _DOUBLES_RECORD, _TEXTS_RECORD)
     }
-    by_text = next(filter(None, (_from_wkt(path, text, notices) for text in texts)), None)
-    by_keys = _from_keys(path, keys, notices)
+    by_text: pyproj.CRS | None = None
+    for text in texts:
+        by_text, invalid = _from_wkt(path, text)
+        notices += invalid
+        if by_text is not None:
+            break
+    by_keys, unreadable = _from_keys(path, keys)
     heights, odd = heights_by_keys(path.name, _short_keys(keys), by_keys)
-    notices += odd
+    notices += [*unreadable, *odd]
     if by_keys is not None and heights is not None and not (by_keys.is_compound and by_keys.sub_crs_list[1] == heights):
         by_keys = with_heights(by_keys, heights)
     first, second = (by_text, by_keys) if header.crs_is_wkt else (by_keys, by_text)
@@ -109,27 +114,24 @@ def stated_crs(
     return found, tuple(notices)
 
 
-def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | None:
+def _from_wkt(path: Path, data: bytes) -> tuple[pyproj.CRS | None, list[Notice]]:
     text = data.split(b"\0")[0].decode("utf-8", "replace").strip()
     try:
         pyproj.CRS.from_wkt(text)  # no other form is one of LAS
-        return crs_of_file(text)
+        return crs_of_file(text), []
     except (CRSError, ProjError) as error:
-        reason = str(error).split(":")[0][:120]
-        notices.append(
-            Notice(
-                "crs-unreadable.invalid-wkt",
-                path=path.name,
-                start=text[:40],
-                more=len(text) > 40,
-                size_bytes=len(data),
-                reason=reason,
-            )
+        invalid = Notice(
+            "crs-unreadable.invalid-wkt",
+            path=path.name,
+            start=text[:40],
+            more=len(text) > 40,
+            size_bytes=len(data),
+            reason=str(error).split(":")[0][:120],
         )
-        return None
+        return None, [invalid]
 
 
-def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> pyproj.CRS | None:
+def _from_keys(path: Path, records: dict[int, bytes]) -> tuple[pyproj.CRS | None, list[Notice]]:
     """The CRS of GeoTIFF keys. GDAL reads it from a TIFF of one pixel: it knows user-defined CRS, units, old codes."""
     keys = _short_keys(records)
     if keys.get(_PROJECTED) or keys.get(_GEOGRAPHIC):
@@ -148,11 +150,10 @@ def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> 
         flat = found.sub_crs_list[0] if found is not None and found.is_compound else found
         # GDAL makes a local CRS from keys that name none.
         if flat is not None and (flat.is_projected or flat.is_geographic):
-            return found
+            return found, []
     elif not keys.get(_MODEL):
-        return None
-    notices.append(Notice("crs-unreadable", path=path.name))
-    return None
+        return None, []
+    return None, [Notice("crs-unreadable", path=path.name)]
 
 
 def _short_keys(records: dict[int, bytes]) -> dict[int, int]:
@@ -452,7 +453,7 @@ class CloudFile:
         clock: the meaning of its times.
         extra: dimensions that are not part of the point format; they are listed, not read.
         notices: errors in header and records that show before the points are read; for the others see :class:`Survey`.
-        lost: what of damaged points has been left out so far.
+        lost: what of damaged points has been left out so far: it shows only while points are decoded, batch by batch.
     """
 
     path: Path
@@ -505,15 +506,16 @@ class CloudFile:
             yield from _plain(self.path, file, self.header, self.points, batch_points)
         elif not laz.wholesale:
             with closing(Decoder()) as decoder:
-                yield from stream_points(
-                    self.path, file, self.header, laz, self.points, batch_points, self.lost, decoder
-                )
+                lost = yield from stream_points(self.path, file, self.header, laz, self.points, batch_points, decoder)
+                self.lost.extend(lost)
         else:
             wanted = np.arange(len(laz.points))
             if self.index is not None and (box is not None or resolution is not None):
                 wanted = self.index.chunks_in(box, resolution)
             for first, last in _runs(wanted, laz.points, batch_points):
-                yield from decode_chunks(self.path, file, laz, first, last, self.lost)
+                whole, lost = decode_chunks(self.path, file, laz, first, last)
+                self.lost.extend(lost)
+                yield from whole
 
 
 @dataclass(frozen=True)
@@ -615,7 +617,7 @@ def open_cloud(path: Path) -> CloudFile:
         if header.has_time and count and laz is None:
             times = next(_plain(path, file, header, count, count)).view(layout(header))["gps_time"]
         elif header.has_time and count and laz is not None:
-            first = stream_points(path, file, header, laz, count, count, [], DECODER)
+            first = stream_points(path, file, header, laz, count, count, DECODER)
             times = next(first, np.empty(0, np.uint8)).view(layout(header))["gps_time"]
         clock, time_notices = clock_of(path, header, times)
     notices = (*notices, *crs_notices, *extra_notices, *time_notices)

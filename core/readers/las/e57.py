@@ -161,7 +161,7 @@ class E57Points(PointTable):
                     for column in _columns(pages, scan):
                         yield batch_of_rows(scan.rows(column, self.row))
                 except _E57_FAULTS as error:
-                    raise InputError("points-damaged.e57", path=path, reason=reason(error)) from None
+                    raise InputError("points-damaged", path=path, fault=reason(error)) from None
 
 
 def read_e57(path: Path) -> E57Points:

@@ -2,7 +2,6 @@
 
 import datetime as dt
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -10,12 +9,15 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import Text
 
 SIGNATURE: Final = b"LASF"
 LEAST_RECORD_BYTES: Final = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 """Bytes of a point record without extra bytes, of point formats 0 to 10 (LAS 1.4 R15, tables 7 to 17)."""
 HEADER_BYTES: Final = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
 """By minor version."""
+SCALES_AT: Final = 131
+"""Byte of the first of three scales (float64); their offsets follow."""
 MAX_COORDINATE: Final = 1e13
 """Largest plausible coordinate in any CRS and unit; a double resolves smaller ones to 2 mm or better."""
 MIN_SCALE: Final = 1e-12
@@ -107,20 +109,36 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
         by_return = tuple(of_returns) if whole else by_return
     least = HEADER_BYTES[version]
     if header_bytes < least:
-        raise InputError("header-size", path=path, header_bytes=header_bytes, least=least)
+        raise _invalid(
+            path, 94, Text("a header size of {size} bytes; the minimum is {least}", size=header_bytes, least=least)
+        )
     if not header_bytes <= offset <= size_bytes:
-        raise InputError("points-offset", path=path, offset=offset, header_bytes=header_bytes, size_bytes=size_bytes)
+        fault = Text(
+            "the points begin at byte {offset}, which is not after the header ({header_bytes}) and before the end "
+            "({size_bytes})",
+            offset=offset,
+            header_bytes=header_bytes,
+            size_bytes=size_bytes,
+        )
+        raise _invalid(path, 96, fault)
     if kind & 0x7F >= len(LEAST_RECORD_BYTES):
-        raise InputError("point-format", path=path, kind=kind)
+        raise _invalid(path, 104, Text("unknown point format {kind} (0 to 10 are defined)", kind=kind))
     shortest = LEAST_RECORD_BYTES[kind & 0x7F]
     if record_bytes < shortest:
-        raise InputError("record-length", path=path, record_bytes=record_bytes, kind=kind & 0x7F, shortest=shortest)
+        fault = Text(
+            "{record_bytes} bytes for a point of format {kind}, which needs {shortest}",
+            record_bytes=record_bytes,
+            kind=kind & 0x7F,
+            shortest=shortest,
+        )
+        raise _invalid(path, 105, fault)
     scale = doubles[:3]
     shift = doubles[3:6]
     box = doubles[6:]
-    for axis, step, start in zip("xyz", scale, shift, strict=True):
+    for k, (step, start) in enumerate(zip(scale, shift, strict=True)):
         if not (step >= MIN_SCALE and abs(start) + abs(step) * 2.0**31 <= MAX_COORDINATE):
-            raise InputError("scale-impossible", path=path, step=step, start=start, axis=axis)
+            fault = Text("invalid scale {step:g} or offset {start:g} for {axis}", step=step, start=start, axis="xyz"[k])
+            raise _invalid(path, SCALES_AT + 8 * k, fault)
     created = _date(year, day)
     if created is None and (year, day) != (0, 0):
         notices.append(Notice("creation-date", path=path.name, day=day, year=year))
@@ -150,13 +168,19 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     )
 
 
+def _invalid(path: Path, byte: int, fault: Text) -> InputError:
+    """The error of a header that is wrong at a byte."""
+    return InputError("las-header", path=Text("{path}, byte {byte}", path=path, byte=byte), fault=fault)
+
+
 def _checked_head(path: Path, data: bytes, size_bytes: int) -> tuple[Any, ...]:
     """The fields that all versions have, after checks of signature, length and version."""
     if data[:4] != SIGNATURE:
         raise InputError("not-las", path=path, data=data[:4])
     least = HEADER_BYTES.get(data[25], 375) if len(data) > 25 else 227
     if len(data) < least:
-        raise InputError("header-cut", path=path, size_bytes=size_bytes, least=least)
+        fault = Text("the file ends inside its header of {least} bytes", least=least)
+        raise _invalid(path, size_bytes, fault)
     head = _LAS_HEADER.unpack_from(data)
     major, version = head[3:5]
     if (major, version) not in {(1, minor) for minor in HEADER_BYTES}:
@@ -207,9 +231,9 @@ class ExtraDimension:
 
 def read_records(path: Path, file: BinaryIO, header: LasHeader) -> tuple[tuple[LasRecord, ...], tuple[Notice, ...]]:
     """All valid records; a notice for each chain of records that breaks off."""
-    notices: list[Notice] = []
-    records = [*_before_points(path, file, header, notices), *_after_points(path, file, header, notices)]
-    return tuple(records), tuple(notices)
+    before, broken = _before_points(path, file, header)
+    after, broken_after = _after_points(path, file, header)
+    return (*before, *after), (*broken, *broken_after)
 
 
 def extra_dimensions(
@@ -232,7 +256,8 @@ def extra_dimensions(
     return tuple(found), ()
 
 
-def _before_points(path: Path, file: BinaryIO, header: LasHeader, notices: list[Notice]) -> Iterator[LasRecord]:
+def _before_points(path: Path, file: BinaryIO, header: LasHeader) -> tuple[list[LasRecord], list[Notice]]:
+    records: list[LasRecord] = []
     file.seek(header.header_bytes)
     data = file.read(min(header.offset, header.size_bytes) - header.header_bytes)
     at = 0
@@ -240,29 +265,28 @@ def _before_points(path: Path, file: BinaryIO, header: LasHeader, notices: list[
         end = at + _RECORD_HEAD.size
         length = _RECORD_HEAD.unpack_from(data, at)[2] if end <= len(data) else 0
         if end + length > len(data):
-            notices.append(
-                Notice(
-                    "records-broken",
-                    path=path.name,
-                    number=number + 1,
-                    records=header.records,
-                    header_bytes=header.header_bytes + at,
-                    offset=header.offset,
-                )
+            broken = Notice(
+                "records-broken",
+                path=path.name,
+                number=number + 1,
+                records=header.records,
+                header_bytes=header.header_bytes + at,
+                offset=header.offset,
             )
-            return
+            return records, [broken]
         user, number_of_kind, _ = _RECORD_HEAD.unpack_from(data, at)
-        yield LasRecord(text_of(user), number_of_kind, data[end : end + length])
+        records.append(LasRecord(text_of(user), number_of_kind, data[end : end + length]))
         at = end + length
     # LAS 1.0 has two bytes between records and points, and there may be more; a name would be an uncounted record.
     rest = data[at:]
     if len(rest) >= _RECORD_HEAD.size and rest[2:].startswith((b"LASF_", b"copc\0", b"laszip")):
-        notices.append(
-            Notice("records-uncounted", path=path.name, records=header.records, header_bytes=header.header_bytes + at)
-        )
+        end = header.header_bytes + at
+        return records, [Notice("records-uncounted", path=path.name, records=header.records, header_bytes=end)]
+    return records, []
 
 
-def _after_points(path: Path, file: BinaryIO, header: LasHeader, notices: list[Notice]) -> Iterator[LasRecord]:
+def _after_points(path: Path, file: BinaryIO, header: LasHeader) -> tuple[list[LasRecord], list[Notice]]:
+    records: list[LasRecord] = []
     at = header.extended_at
     for number in range(header.extended):
         file.seek(min(at, header.size_bytes))
@@ -270,17 +294,16 @@ def _after_points(path: Path, file: BinaryIO, header: LasHeader, notices: list[N
         length = _EXTENDED_HEAD.unpack(head)[2] if len(head) == _EXTENDED_HEAD.size else 0
         end = at + _EXTENDED_HEAD.size + length
         if at < header.offset or end > header.size_bytes or number == MAX_EXTENDED_RECORDS:
-            notices.append(
-                Notice(
-                    "extended-records-broken",
-                    path=path.name,
-                    number=number + 1,
-                    extended=header.extended,
-                    at=at,
-                    size_bytes=header.size_bytes,
-                )
+            broken = Notice(
+                "extended-records-broken",
+                path=path.name,
+                number=number + 1,
+                extended=header.extended,
+                at=at,
+                size_bytes=header.size_bytes,
             )
-            return
+            return records, [broken]
         user, number_of_kind, _ = _EXTENDED_HEAD.unpack(head)
-        yield LasRecord(text_of(user), number_of_kind, file.read(min(length, MAX_EXTENDED_BYTES)))
+        records.append(LasRecord(text_of(user), number_of_kind, file.read(min(length, MAX_EXTENDED_BYTES))))
         at = end
+    return records, []

@@ -8,7 +8,7 @@ specification 1.4 R1, sections 2 to 4).
 """
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -21,7 +21,7 @@ from furrowmap.core.readers.las.header import LasHeader, LasRecord
 from furrowmap.core.readers.las.las_decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import resolved
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.core.runtime.memory import expect_growth
 from furrowmap.core.runtime.settings import allows
 
@@ -75,7 +75,7 @@ def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence
     """Check the compressed points of a file; InputError if they cannot be decoded, RefusedError if implausibly many."""
     stated = next((record for record in records if (record.user, record.number) == (LAZ_USER_ID, LAZ_RECORD_ID)), None)
     if stated is None or len(stated.data) < _LAZ_RECORD.size:
-        raise InputError("laz-record", path=path)
+        raise _damaged(path, Text("the LASzip record, which describes the compression, is missing"))
     compressor, _, _, _, _, _, chunk_points, _, _, items = _LAZ_RECORD.unpack_from(stated.data)
     if compressor not in (POINTWISE, LAYERED):
         raise InputError(
@@ -101,10 +101,22 @@ def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence
     return LazPoints(stated.data, points, begins, sizes, layers, header.record_bytes)
 
 
+def _damaged(path: Path, fault: Text, *, can_be_left_out: bool = False) -> InputError:
+    return InputError("laz-damaged", path=path, fault=fault, can_be_left_out=can_be_left_out)
+
+
+def _undecodable(path: Path, where: Words, error: Undecodable) -> InputError:
+    fault = Text("{where} cannot be decoded: {reason}", where=where, reason=_short(error))
+    return _damaged(path, fault, can_be_left_out=True)
+
+
 def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, layered: bool) -> int:
     """Number of layers of a chunk."""
     if items > 8 or len(data) < _LAZ_RECORD.size + 6 * items:
-        raise InputError("laz-items.too-many", path=path, items=items, size_bytes=len(data))
+        fault = Text(
+            "its LASzip record states {items:,} items in {size_bytes} bytes", items=items, size_bytes=len(data)
+        )
+        raise _damaged(path, fault)
     listed_items = [struct.unpack_from("<3H", data, _LAZ_RECORD.size + 6 * number) for number in range(items)]
     kinds = tuple(kind for kind, _, _ in listed_items if kind not in _EXTRA_ITEMS)
     sizes = sum(size for _, size, _ in listed_items)
@@ -114,13 +126,14 @@ def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, laye
     new = layered == (header.point_format >= 6) and all((version >= 3) <= layered for _, _, version in listed_items)
     if not fits or not new or sizes != header.record_bytes:
         listed = ", ".join(f"{kind} of {size} bytes (version {version})" for kind, size, version in listed_items)
-        raise InputError(
-            "laz-items.format",
-            path=path,
+        fault = Text(
+            "the items of its LASzip record ({listed}) do not match point format {point_format} with "
+            "{record_bytes} bytes",
             listed=listed,
             point_format=header.point_format,
             record_bytes=header.record_bytes,
         )
+        raise _damaged(path, fault)
     return sum(_ITEM_LAYERS.get(kind, size) for kind, size, _ in listed_items) if layered else 0
 
 
@@ -133,24 +146,31 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
         file.seek(max(0, header.size_bytes - 8))
         at = _signed(file.read(8))
     if not start < at <= header.size_bytes - 8:
-        raise InputError("laz-chunk-table.truncated", path=path, at=at, size_bytes=header.size_bytes)
+        fault = Text(
+            "the chunk table is at byte {at:,}, but the file has {size_bytes:,} bytes: it was truncated, or writing "
+            "was interrupted",
+            at=at,
+            size_bytes=header.size_bytes,
+        )
+        raise _damaged(path, fault)
     file.seek(at)
     _, count = struct.unpack("<2I", file.read(8))
     room = at - start
     if chunk_points == 0:
-        raise InputError("laz-chunk-size", path=path)
+        raise _damaged(path, Text("its LASzip record states chunks of 0 points"))
     # Each chunk begins with an uncompressed point.
     most = min(room // header.record_bytes, header.points, MAX_CHUNKS)
     expected = -(-header.points // chunk_points)
     if not 0 < count <= most or (chunk_points != VARIABLE_CHUNKS and count != expected):
-        raise InputError(
-            "laz-chunk-count",
-            path=path,
+        fault = Text(
+            "{points:,} points in the header, {count:,} chunks{chunk_points: of {chunk_points:,} points|} in the chunk "
+            "table, {room:,} bytes of chunks: these do not match",
             points=header.points,
             count=count,
             chunk_points=chunk_points if chunk_points != VARIABLE_CHUNKS else None,
             room=room,
         )
+        raise _damaged(path, fault)
     # With a record that has only the version of the method, the decoder neither seeks nor allocates more than `count`
     # entries.
     file.seek(at)
@@ -160,27 +180,35 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
         # A Rust panic derives from BaseException, not Exception, and its class cannot be imported.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise InputError("laz-chunk-damaged.table-of-chunks", path=path, reason=_short(error)) from None
+        fault = Text("the chunk table cannot be decoded ({reason})", reason=_short(error))
+        raise _damaged(path, fault, can_be_left_out=True) from None
     least = min(size for _, size in table)
     sizes = sum(size for _, size in table)
     points = sum(number for number, _ in table)
     fewest = min(number for number, _ in table)
     if least < header.record_bytes or sizes != room or len(table) != count:
-        raise InputError("laz-chunk-table.byte-sum", path=path, sizes=sizes, room=room)
+        fault = Text("the chunk table states {sizes:,} bytes of chunks, but there are {room:,}", sizes=sizes, room=room)
+        raise _damaged(path, fault)
     if chunk_points == VARIABLE_CHUNKS and (points != header.points or fewest <= 0):
-        raise InputError("laz-chunk-table.point-sum", path=path, points=points, header_points=header.points)
+        fault = Text(
+            "the chunk table states {points:,} points, the header {header_points:,}",
+            points=points,
+            header_points=header.points,
+        )
+        raise _damaged(path, fault)
     return table
 
 
 def decode_chunks(
-    path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int, lost: list[Notice]
-) -> Iterator[NDArray[np.uint8]]:
+    path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int
+) -> tuple[list[NDArray[np.uint8]], list[Notice]]:
     """The records (n × bytes of one, flat) of the consecutive chunks `first` to `last` − 1, decoded in parallel.
 
     Damage within a chunk cannot be located, because it has no checksum: if the user allows damaged files, it is left
-    out as a whole, with a notice in `lost`, and the other chunks are decoded. InputError if a chunk is found to be
-    damaged, and the user does not allow that.
+    out as a whole, with a notice, and the other chunks are decoded. InputError if a chunk is found to be damaged, and
+    the user does not allow that.
     """
+    lost: list[Notice] = []
     try:
         whole = [_decode(path, file, laz, first, last)]
     except Undecodable:
@@ -200,7 +228,7 @@ def decode_chunks(
                     end=begin + size,
                 )
                 if not allows("damaged"):
-                    raise InputError("laz-chunk-damaged", path=path, where=where, reason=_short(fault)) from None
+                    raise _undecodable(path, where, fault) from None
                 what = Text(
                     "{where} cannot be decoded ({why}): points {first:,} to {last:,}",
                     where=where,
@@ -209,7 +237,7 @@ def decode_chunks(
                     last=before[number] + laz.points[number],
                 )
                 lost.append(Notice("laz-damage-left-out", path=path.name, what=what))
-    yield from whole
+    return whole, lost
 
 
 def _decode(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
@@ -230,13 +258,12 @@ def stream_points(
     laz: LazPoints,
     points: int,
     batch_points: int,
-    lost: list[Notice],
     decoder: Decoder,
-) -> Iterator[NDArray[np.uint8]]:
-    """The records of the first `points`, decoded in sequence, `batch_points` at a time.
+) -> Generator[NDArray[np.uint8], None, list[Notice]]:
+    """The records of the first `points`, decoded in sequence, `batch_points` at a time; returns notices of damage.
 
-    If the user allows damaged files, they end where damage is found, with a notice in `lost`. InputError if a chunk is
-    found to be damaged, and the user does not allow that.
+    If the user allows damaged files, the records end where damage is found. InputError if a chunk is found to be
+    damaged, and the user does not allow that.
     """
     order = {"what": "stream", "path": str(resolved(path)), "offset": header.offset, "vlr": laz.vlr.hex()}
     done = 0
@@ -249,9 +276,10 @@ def stream_points(
     except Undecodable as fault:
         where = f"points {done + 1:,} to {min(done + batch_points, points):,}"
         if not allows("damaged"):
-            raise InputError("laz-chunk-damaged", path=path, where=where, reason=_short(fault)) from None
+            raise _undecodable(path, where, fault) from None
         what = f"{where} cannot be decoded: {_short(fault)}; points {done + 1:,} to {points:,}"
-        lost.append(Notice("laz-damage-left-out", path=path.name, what=what))
+        return [Notice("laz-damage-left-out", path=path.name, what=what)]
+    return []
 
 
 def _check_layers(file: BinaryIO, laz: LazPoints, first: int, last: int) -> None:

@@ -18,7 +18,7 @@ from furrowmap.core.readers.las.header import MAX_COORDINATE
 from furrowmap.core.readers.las.point_records import CloudBatch
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.core.runtime.languages.texts import reason
+from furrowmap.core.runtime.languages.texts import Text, reason
 from furrowmap.core.runtime.memory import expect_memory
 
 TABLE_SIGNATURES: Final = {
@@ -95,7 +95,8 @@ class PointTable:
                     rows[name] = columns[at:end].view(self.row[name].base).reshape(self.points, *self.row[name].shape)
                     at = end
                 return rows
-        raise InputError("points-damaged.compressed", path=path, points=self.points)
+        fault = Text("its {points:,} compressed points cannot be decompressed", points=self.points)
+        raise InputError("points-damaged", path=path, fault=fault)
 
     def _text_rows(self, path: Path, file: BinaryIO, count: int, done: int) -> NDArray[np.void]:
         width = sum(int(np.prod(self.row[name].shape, dtype=int)) for name in self.row.names or ())
@@ -103,7 +104,12 @@ class PointTable:
         try:
             values = np.array([line.split() for line in lines], np.float64).reshape(-1, width)
         except ValueError:
-            raise InputError("points-damaged.text-line", path=path, first=done + 1, last=done + len(lines)) from None
+            fault = Text(
+                "one of the points {first:,} to {last:,} is not a line of as many numbers as the header states",
+                first=done + 1,
+                last=done + len(lines),
+            )
+            raise InputError("points-damaged", path=path, fault=fault) from None
         rows = np.zeros(len(values), self.row)
         at = 0
         for name in self.row.names or ():

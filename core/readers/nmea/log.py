@@ -9,7 +9,7 @@ dropped and counted.
 
 import datetime as dt
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -97,7 +97,9 @@ class NmeaLog(PositionLog):
         t_s = unroll(pashr.column(Kind.PASHR, "tod_s"), DAY_S)
         t_s = t_s + float(nearest_in_cycle(t_s[0], first_s, DAY_S) - t_s[0])
         angles = np.column_stack([pashr.column(Kind.PASHR, name) for name in ("roll_deg", "pitch_deg", "heading_deg")])
-        return attitude_track(t_s, angles, TRUE_NORTH, self.name, self.notices)
+        track, late = attitude_track(t_s, angles, TRUE_NORTH, self.name)
+        self.notices += late
+        return track
 
     def _sentences(self, paths: list[Path]) -> tuple[Sentences, SentenceCounts, list[int]]:
         """The sentences, their counts, and where each file ends in the stream of all."""
@@ -137,7 +139,7 @@ class NmeaLog(PositionLog):
         return replace(positions, facts=facts, scale="UTC from its sentences")
 
 
-def _separation_off_m(positions: Sentences, notices: list[Notice], name: str) -> float:
+def _separation_off_m(positions: Sentences, name: str) -> tuple[float, list[Notice]]:
     """By how much the geoid separations are off a model of the geoid, with a notice where that is too much; else 0.
 
     They are off where they are zero all the time, or those of another place.
@@ -146,7 +148,7 @@ def _separation_off_m(positions: Sentences, notices: list[Notice], name: str) ->
     stated = np.isfinite(columns).all(axis=0) & (positions.talker != b"PU")  # heights of PUBX are ellipsoidal
     lon_deg, lat_deg, stated_m = np.array(columns)[:, stated]
     if not len(stated_m):
-        return 0.0
+        return 0.0, []
     middle = len(stated_m) // 2
     model_m = coarse_geoid_m(float(lon_deg[middle]), float(lat_deg[middle]))
     median_m = float(np.median(stated_m))
@@ -154,9 +156,8 @@ def _separation_off_m(positions: Sentences, notices: list[Notice], name: str) ->
     sigmas = ZERO_SIGMAS if not stated_m.any() else WRONG_SIGMAS
     off_m = abs(median_m - model_m)
     if off_m <= sigmas * GEOID_SIGMA_M:
-        return 0.0
-    notices.append(Notice("geoid-separation", name=name, stated_m=median_m, model_m=model_m, off_m=off_m))
-    return off_m
+        return 0.0, []
+    return off_m, [Notice("geoid-separation", name=name, stated_m=median_m, model_m=model_m, off_m=off_m)]
 
 
 def _by(counts: SentenceCounts, part: Callable[[str], str]) -> dict[str, int]:
@@ -180,7 +181,6 @@ def assemble(
     Raises:
         InputError: if `date` is not a date.
     """
-    notices: list[Notice] = []
     stated_s = None if date is None else midnight_utc_s(date)
     # GNS, or PUBX,00, in the place of GGA where only it has positions: their columns are the same.
     kinds = (Kind.GGA, Kind.GNS, Kind.PUBX)
@@ -190,25 +190,24 @@ def assemble(
     all_gga = sentences.of_kind(Kind.GGA)
     of_talker = {t: int(np.sum(all_gga.talker[_has_position(all_gga)] == t)) for t in np.unique(all_gga.talker)}
     facts = {"positions_by_talker": {t.decode("ascii"): count for t, count in of_talker.items() if count}}
-    mine = _one_receiver(all_gga[_has_position(all_gga)], notices, name)
+    mine, notices = _one_receiver(all_gga[_has_position(all_gga)], name)
     gga = all_gga[np.isin(all_gga.talker, mine)] if len(mine) else all_gga
     positions = gga[_has_position(gga)]
     without = len(gga) - len(positions)
     if not len(positions):
         fault = InputError("no-positions.no-positions", name=name, all_gga=len(all_gga) or None)
         return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts, notices=tuple(notices))
-    separation_off_m = _separation_off_m(positions, notices, name)
+    separation_off_m, of_separation = _separation_off_m(positions, name)
     belongs = _belongs(sentences, mine, [t for t, count in of_talker.items() if count])
     log = sentences if belongs.all() else sentences[belongs]
-    t_s, dated = _times(positions, log, notices, name, stated_s, near_s)
-    _note_clock_set(gga, positions, notices, name)
+    t_s, dated, of_date = _times(positions, log, name, stated_s, near_s)
     undated = InputError("no-date.no-date", name=name, first_time=_time_of_day(t_s[0]), last_time=_time_of_day(t_s[-1]))
     found = LoggedPositions.in_order(
         _columns(positions, t_s, log) | {"t_s": t_s},
         lambda k: place(int(positions.at[k])),
         name=name,
         without_position=without,
-        notices=notices,
+        notices=[*notices, *of_separation, *of_date, *_clock_set_notices(gga, positions, name)],
         fault=None if dated else undated,
     )
     notices = list(found.notices)
@@ -224,32 +223,30 @@ def _has_position(gga: Sentences) -> NDArray[np.bool_]:
     return (quality >= 1) & np.isfinite(gga.values[:, :3]).all(axis=1)
 
 
-def _one_receiver(positions: Sentences, notices: list[Notice], name: str) -> NDArray[np.bytes_]:
+def _one_receiver(positions: Sentences, name: str) -> tuple[NDArray[np.bytes_], list[Notice]]:
     """The talkers of one receiver: all, if they alternate only occasionally, else the best one."""
     talkers = np.unique(positions.talker)
     if len(talkers) < 2:
-        return talkers
+        return talkers, []
     step = np.diff(positions.column(Kind.GGA, "tod_s"))
     ahead = (step + DAY_S / 2) % DAY_S - DAY_S / 2
     switches = np.sum(positions.talker[1:] != positions.talker[:-1])
     if np.mean(ahead <= 0) <= MAX_BACKWARD_SHARE and switches <= MAX_SWITCHES * len(positions):
-        return talkers
+        return talkers, []
     quality = positions.column(Kind.GGA, "quality")
     rtk = np.isin(quality, (Fix.FIXED, Fix.FLOAT))
     rank = {t: (int(np.sum(rtk & (positions.talker == t))), int(np.sum(positions.talker == t))) for t in talkers}
     best = max(talkers, key=lambda t: rank[t])
     others = ", ".join(f"{t.decode('ascii')} ({rank[t][1]} positions)" for t in talkers if t != best)
-    notices.append(
-        Notice(
-            "several-receivers",
-            name=name,
-            talkers=len(talkers),
-            value=best.decode("ascii"),
-            rank=rank[best][1],
-            others=others,
-        )
+    left_out = Notice(
+        "several-receivers",
+        name=name,
+        talkers=len(talkers),
+        value=best.decode("ascii"),
+        rank=rank[best][1],
+        others=others,
     )
-    return np.array([best])
+    return np.array([best]), [left_out]
 
 
 def _belongs(sentences: Sentences, mine: NDArray[np.bytes_], positioned: list[bytes]) -> NDArray[np.bool_]:
@@ -265,8 +262,8 @@ def _belongs(sentences: Sentences, mine: NDArray[np.bytes_], positioned: list[by
 
 
 def _times(
-    positions: Sentences, log: Sentences, notices: list[Notice], name: str, stated_s: float | None, near_s: float | None
-) -> tuple[FloatArray, bool]:
+    positions: Sentences, log: Sentences, name: str, stated_s: float | None, near_s: float | None
+) -> tuple[FloatArray, bool, list[Notice]]:
     """Times (n,) of the positions, and whether they are UTC; else they count from the midnight before the first."""
     tod = positions.column(Kind.GGA, "tod_s")
     dated_s, dated_at = _dated(log, positions.at[0])
@@ -278,17 +275,18 @@ def _times(
         by_behind = nearest_in_cycle(tod, dated_s[behind], DAY_S)
         nearer = np.abs(by_behind - dated_s[behind]) < np.abs(by_before - dated_s[before])
         t_s = np.where(nearer, by_behind, by_before)
+        notices = []
         if stated_s is not None and not stated_s <= t_s[0] < stated_s + DAY_S:
             in_log = dt.datetime.fromtimestamp(float(t_s[0]), dt.UTC).date()
             stated = dt.datetime.fromtimestamp(stated_s, dt.UTC).date()
             notices.append(Notice("date-contradicted.by-sentences", name=name, in_log=in_log, date=stated))
-        return t_s, True
+        return t_s, True, notices
     t_s = unroll(tod, DAY_S)
     if stated_s is not None:
-        return t_s + stated_s, True
+        return t_s + stated_s, True, []
     if near_s is not None:
-        return t_s + float(nearest_in_cycle(t_s[0], near_s, DAY_S) - t_s[0]), True
-    return t_s, False
+        return t_s + float(nearest_in_cycle(t_s[0], near_s, DAY_S) - t_s[0]), True, []
+    return t_s, False, []
 
 
 def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]]:
@@ -356,20 +354,18 @@ def _time_of_day(t_s: float) -> str:
     return f"{ms // 3_600_000:02d}:{ms // 60_000 % 60:02d}:{ms // 1000 % 60:02d}.{ms % 1000:03d}"
 
 
-def _note_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice], name: str) -> None:
-    """Note that the receiver's clock was set at its first fix; the times before are invalid."""
+def _clock_set_notices(gga: Sentences, positions: Sentences, name: str) -> Iterator[Notice]:
+    """A notice that the receiver's clock was set at its first fix; the times before are invalid."""
     tod = gga.column(Kind.GGA, "tod_s")[gga.at <= positions.at[0]]
     tod = tod[np.isfinite(tod)]
     ahead = (np.diff(tod) + DAY_S / 2) % DAY_S - DAY_S / 2
     jumps = np.flatnonzero(np.abs(ahead) > CLOCK_SET_S)
     if len(jumps):
         last = int(jumps[-1])
-        notices.append(
-            Notice(
-                "clock-set-at-first-fix",
-                name=name,
-                before=_time_of_day(tod[last]),
-                after=_time_of_day(tod[last + 1]),
-                times=len(tod) - 1,
-            )
+        yield Notice(
+            "clock-set-at-first-fix",
+            name=name,
+            before=_time_of_day(tod[last]),
+            after=_time_of_day(tod[last + 1]),
+            times=len(tod) - 1,
         )

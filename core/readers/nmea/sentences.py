@@ -13,6 +13,7 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.column_names import FOOT_M
 from furrowmap.core.readers.framed_messages import MessageCounts, scan_stream
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.kernels import kernel
@@ -325,6 +326,10 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     if known in (_GGA, _GNS, _PUBX):
         for k in range(2):
             out[1 + k] = _angle(data, begin, 1 + 2 * k, _E if k else _N, _W if k else _S)
+    if known == _GGA:
+        for k in range(2):  # altitude and separation, whose units stand behind them
+            if begin[9 + 2 * k] < end and data[begin[9 + 2 * k]] in (_F, _SMALL_F):
+                out[3 + k] *= FOOT_M
     if known == _GNS:
         out[5] = _best_mode(data, begin[5], begin[6] - 1)
     elif known == _RMC:

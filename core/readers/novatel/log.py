@@ -26,6 +26,7 @@ from furrowmap.core.readers.position_log import (
     LoggedPositions,
     PositionLog,
     byte_place,
+    damage_notices,
     dated_positions,
     has_position,
     log_facts,
@@ -393,7 +394,9 @@ class NovatelLog(PositionLog):
         poses = _raw_poses(messages, recording_name(self.paths))
         if not len(poses.seconds):
             raise InputError("no-poses.inertial-log", name=self.name)
-        return poses.track(self.options, self.notices)
+        track, dropped = poses.track(self.options)
+        self.notices += dropped
+        return track
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report what it contains."""
@@ -426,7 +429,8 @@ class NovatelLog(PositionLog):
     def _read(self, paths: list[Path]) -> LoggedPositions:
         messages, counts, ends = self._messages(paths)
         name = recording_name(paths)
-        facts = log_facts(counts, "messages", str, name, self.notices)
+        self.notices += damage_notices(counts, name)
+        facts = log_facts(counts, "messages", str)
         of = next((of for of in POSITIONS if len(messages[of])), None)
         if of is None:
             kinds = ", ".join(kind for kind, _ in counts.kinds.most_common(4))

@@ -185,7 +185,7 @@ class OusterReader(FileReader, ABC):
             example = next(
                 (str(m.serial) for _, m in self._sensors if m.serial), self._sensors[0].metadata.product or MAKER
             )
-            raise InputError("two-sensors.ouster", paths=self.name, words=words, example=example)
+            raise InputError("two-sensors", paths=self.name, words=words, example=example, by_model=True)
         return self._read(self.paths, self._decoder(), Counter())
 
     def inspect(self) -> Inspection:

@@ -67,7 +67,7 @@ class PoseCsv(PoseFile):
     def inspect(self) -> Inspection:
         """Read the whole first file and report what it contains, its columns and where it is."""
         inspection = super().inspect()
-        with CsvFile(self.paths[0], []) as file:
+        with CsvFile(self.paths[0]) as file:
             columns = [file.written[file.place(name)] for name in _columns(file)]
             place = _place(file) if file.find(PROJECTED_COLUMNS[:1]) else {}
         unused = [name for name in file.written if name not in columns]
@@ -75,13 +75,14 @@ class PoseCsv(PoseFile):
         return replace(inspection, facts=facts | ({"place": place} if place else {}))
 
     def _read(self, path: Path) -> RawPoses:
-        with CsvFile(path, self.notices) as file:
+        with CsvFile(path) as file:
             columns = _columns(file)
             _expect_once(file, columns)
             schema = [Column({name: 1.0}, POSE_RANGES.get(name, (-np.inf, np.inf))) for name in columns[:NEEDED]]
             schema += [Column({name: 1.0}, optional=True, sparse=True) for name in POSE_SIGMA_COLUMNS]
             rows = file.rows(schema, outside_key="value-out-of-range.pose-column")
             written = file.written[file.place(columns[3])]
+            self._add_notices(*file.notices)
             if columns[1] == GEOGRAPHIC_COLUMNS[0] and columns[3] == "h_m" != written:
                 self.notices.append(Notice("columns-by-meaning.height", path=path.name, column=written))
         if len(rows) < 2:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.longitudes import west_east_deg
 from furrowmap.core.readers.epochs import timing_facts, utc_facts, utc_of
@@ -42,29 +43,29 @@ class RawPoses:
     true_north: bool
     name: str
 
-    def track(self, options: ReadOptions, notices: list[Notice]) -> PoseTrack:
+    def track(self, options: ReadOptions) -> tuple[PoseTrack, list[Notice]]:
         """The poses in UTC; those out of order are dropped with a notice.
 
         InputError if the week or the time scale is unknown, or too many poses are out of order.
         """
-        return self._in_order(utc_of(self.seconds, self.scale, self.name, options), notices)
+        return self._in_order(utc_of(self.seconds, self.scale, self.name, options))
 
-    def facts(self, options: ReadOptions, notices: list[Notice]) -> tuple[dict[str, Any], tuple[ClockReading, ...]]:
-        """Facts and clock for an inspection; an unknown week is only a notice; InputError as :meth:`track`."""
+    def facts(self, options: ReadOptions) -> tuple[dict[str, Any], tuple[ClockReading, ...], list[Notice]]:
+        """Facts, clock and notices for an inspection; an unknown week is only a notice; InputError as :meth:`track`."""
         try:
-            track = self.track(options, notices)
+            track, notices = self.track(options)
         except InputError as error:
             if error.code != "no-gps-week":
                 raise
-            notices.append(Notice.from_error(error))
-            track = self._in_order(unroll(self.seconds, WEEK_S), notices)
+            track, notices = self._in_order(unroll(self.seconds, WEEK_S))
             first = round(float(track.t_s[0]), 3)
             last = round(float(track.t_s[-1]), 3)
-            return {"seconds_of_week": [first, last], **timing_facts(track.t_s), **pose_facts(track)}, ()
+            facts: dict[str, Any] = {"seconds_of_week": [first, last], **timing_facts(track.t_s), **pose_facts(track)}
+            return facts, (), [Notice.from_error(error), *notices]
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), self.scale_note)
-        return {**utc_facts(track.t_s), **timing_facts(track.t_s), **pose_facts(track)}, (clock,)
+        return {**utc_facts(track.t_s), **timing_facts(track.t_s), **pose_facts(track)}, (clock,), notices
 
-    def _in_order(self, t_s: FloatArray, notices: list[Notice]) -> PoseTrack:
+    def _in_order(self, t_s: FloatArray) -> tuple[PoseTrack, list[Notice]]:
         keep = runs_forward(t_s)
         repeated = np.zeros(len(t_s), bool)
         repeated[1:] = np.diff(t_s) == 0
@@ -74,12 +75,14 @@ class RawPoses:
             raise InputError(
                 "time-disorder.pose-order", name=self.name, backward=int(backward.sum()), poses=len(t_s), row=row + 1
             )
-        for key, rows in (("poses-repeated", repeated), ("time-runs-back.pose-rows", backward)):
-            if rows.any():
-                notices.append(Notice(key, name=self.name, rows=int(rows.sum()), count=len(t_s)))
-        t_s, values = self._near(t_s[keep], self.values[keep], notices)
-        return PoseTrack(
-            t_s=t_s,
+        dropped = (("poses-repeated", repeated), ("time-runs-back.pose-rows", backward))
+        notices = [
+            Notice(key, name=self.name, rows=int(rows.sum()), count=len(t_s)) for key, rows in dropped if rows.any()
+        ]
+        far, elsewhere = self._far(t_s[keep], self.values[keep])
+        values = self.values[keep][~far]
+        track = PoseTrack(
+            t_s=t_s[keep][~far],
             position=values[:, 0:3],
             projected=self.projected,
             roll_deg=values[:, 3],
@@ -89,22 +92,22 @@ class RawPoses:
             sigma=values[:, 6:12],
             source=self.name,
         )
+        return track, notices + elsewhere
 
-    def _near(self, t_s: FloatArray, values: FloatArray, notices: list[Notice]) -> tuple[FloatArray, FloatArray]:
-        """Times (n,) and values (n, 12) without the poses that lie where the recording cannot have been."""
+    def _far(self, t_s: FloatArray, values: FloatArray) -> tuple[NDArray[np.bool_], list[Notice]]:
+        """Which poses, of times (n,) and values (n, 12), lie where the recording cannot have been."""
         x, y, h = values[:, :3].T
         xyz_m = values[:, :2] if self.projected else earth_centred_m(x, y, h)
         far = far_from_middle(xyz_m) if self.projected else is_implausible((x + 180.0) % 360.0 - 180.0, y, h)
         far[~far] = strays(t_s[~far], xyz_m[~far], np.zeros(int((~far).sum())))
         if not far.any():
-            return t_s, values
+            return far, []
         count = int(far.sum())
         first = int(np.flatnonzero(far)[0])
         found = {"far": count, "far_count": len(far), "first_pose": first + 1, "first_time": iso_utc(t_s[first])}
         if 2 * count > len(far):
             raise InputError("positions-impossible.stray-poses", name=self.name, **found)
-        notices.append(Notice("positions-elsewhere.stray-poses", name=self.name, **found))
-        return t_s[~far], values[~far]
+        return far, [Notice("positions-elsewhere.stray-poses", name=self.name, **found)]
 
 
 class PoseFile(FileReader, ABC):
@@ -117,12 +120,15 @@ class PoseFile(FileReader, ABC):
     def poses(self) -> PoseTrack:
         """All poses of all files; InputError if one cannot be read, the week is unknown, or they are out of order."""
         self.notices = []
-        return joined([self._read(path) for path in self.paths]).track(self.options, self.notices)
+        track, dropped = joined([self._read(path) for path in self.paths]).track(self.options)
+        self.notices += dropped
+        return track
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report what it contains."""
         self.notices = []
-        facts, clocks = self._read(self.paths[0]).facts(self.options, self.notices)
+        facts, clocks, dropped = self._read(self.paths[0]).facts(self.options)
+        self.notices += dropped
         return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(self.notices))
 
 

@@ -50,7 +50,7 @@ from furrowmap.core.readers.spinning.packet_decoder import PacketDecoder
 from furrowmap.core.readers.spinning.scanner_model import AngleTable, ByteArray
 from furrowmap.core.readers.velodyne.captures import VELODYNE
 from furrowmap.core.runtime.arrays import scratch_file
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, MissingExtraError, Notice
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.iteration import close, concluded
 from furrowmap.core.runtime.languages.texts import Text, Words, reason
@@ -458,7 +458,11 @@ class _RosBag(FileReader):
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         super().__init__(paths, options)
         if find_spec("rosbags") is None or find_spec("lz4") is None:
-            raise InputError("extra-missing.bags", path=self.paths[0])
+            raise MissingExtraError(
+                Text("{packages:or}", packages=("rosbags", "lz4")),
+                "bags",
+                Text("{path} is a ROS bag, which is read by it.", path=self.paths[0]),
+            )
         self.clock = Clock.RECORDER
         self.clocks: tuple[ClockReading, ...] = ()
         self.share_read = 0.0
@@ -663,18 +667,16 @@ class _RosBag(FileReader):
         return chosen, self._collect(chosen, ros.ImuLog())
 
     def _inertial(self, chosen: _Topic, log: ros.ImuLog, units: StatedUnits) -> InertialTrack:
-        notices: list[Notice] = []
-        track = log.track(self._source(chosen), units, notices)
-        self._add_notices(*notices)
+        track, late = log.track(self._source(chosen), units)
+        self._add_notices(*late)
         return track
 
     def _attitudes(self) -> tuple[AttitudeTrack, _Topic, ros.AttitudeLog]:
         chosen = self._choose("attitudes", ros.IMU, ros.QUATERNION, ros.DJI_ATTITUDE, wanted=self.options.topic)
         log = self._collect(chosen, ros.AttitudeLog())
-        notices: list[Notice] = []
         true_north = chosen.is_dji or chosen.type == ros.DJI_ATTITUDE
-        track = log.attitude(self._source(chosen), notices, true_north=true_north)
-        self._add_notices(*notices)
+        track, late = log.attitude(self._source(chosen), true_north=true_north)
+        self._add_notices(*late)
         return track, chosen, log
 
     def _images(self, *, kept: bool) -> tuple[_Topic, ImageLog]:
@@ -791,10 +793,6 @@ class _RosBag(FileReader):
 
     def _source(self, topic: _Topic) -> str:
         return f"{self.paths[0]}, {topic.name}"
-
-    def _add_notices(self, *notices: Notice) -> None:
-        """Add those that are new: a bag may be inspected, and read for positions and for scans."""
-        self.notices[:] = dict.fromkeys([*self.notices, *notices])
 
 
 class RosBag1(_RosBag):

@@ -113,10 +113,10 @@ class LineScans:
             found.append(Notice("points-invalid.far", source=source, far=self._far, farthest_m=MAX_RANGE_M))
         if self._untimed:
             found.append(
-                Notice("no-point-times.message-times", source=source, untimed=self._untimed, scans=self._scans)
+                Notice("no-point-times", source=source, untimed=self._untimed, scans=self._scans, are_sweeps=True)
             )
         if self._late:
-            found.append(Notice("clouds-late.late-sweeps", source=source, late=self._late))
+            found.append(Notice("clouds-late", source=source, late=self._late, are_sweeps=True))
         return found
 
 
@@ -282,7 +282,9 @@ class CloudScans:
         if any(self._invalid.values()):
             found.append(Notice("points-invalid", source=source, reasons=self._reasons()))
         if self._untimed:
-            found.append(Notice("no-point-times", source=source, untimed=self._untimed, scans=self._scans))
+            found.append(
+                Notice("no-point-times", source=source, untimed=self._untimed, scans=self._scans, are_sweeps=False)
+            )
         if self._times is not None and self._times.origin == "first":
             found.append(Notice("point-times-unanchored", source=source))
         if self._scans and not self._ringed:
@@ -292,7 +294,7 @@ class CloudScans:
         if self._empty:
             found.append(Notice("clouds-empty", source=source, empty=self._empty))
         if self._late:
-            found.append(Notice("clouds-late", source=source, late=self._late))
+            found.append(Notice("clouds-late", source=source, late=self._late, are_sweeps=False))
         return found
 
     def _point_times(self, values: NDArray[Any] | None, n: int, at_s: float) -> FloatArray:

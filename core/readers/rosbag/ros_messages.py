@@ -145,7 +145,7 @@ class ImuLog(_RowLog):
         """Number of messages with an orientation."""
         return int(_is_turn(self._table[:, 7:11]).sum())
 
-    def track(self, source: str, units: StatedUnits, notices: list[Notice]) -> InertialTrack:
+    def track(self, source: str, units: StatedUnits) -> tuple[InertialTrack, list[Notice]]:
         """All measurements in order; InputError if the stamps do not increase, or no IMU measures such values."""
         table = self._table
         values = units.in_si(table[:, 1:7])
@@ -159,7 +159,7 @@ class ImuLog(_RowLog):
                 table=table[row, 1 + first : 4 + first].tolist(),
                 is_first=first == 0,
             )
-        return inertial_track(table[:, 0], values, source, notices)
+        return inertial_track(table[:, 0], values, source)
 
 
 class AttitudeLog(_RowLog):
@@ -171,7 +171,7 @@ class AttitudeLog(_RowLog):
         """Add one message."""
         self._rows.extend((stamp_s(content, message), *_orientation(content), message.received_ns * 1e-9))
 
-    def attitude(self, source: str, notices: list[Notice], *, true_north: bool) -> AttitudeTrack:
+    def attitude(self, source: str, *, true_north: bool) -> tuple[AttitudeTrack, list[Notice]]:
         """The orientations, of the axes of the device against east, north and up (REP-103).
 
         The messages do not state whether north is the true one. InputError if there are none, or the stamps do not
@@ -182,7 +182,7 @@ class AttitudeLog(_RowLog):
         if not known.any():
             raise InputError("no-orientation", source=source, table=len(table))
         angles = np.column_stack(quaternion_to_attitude(table[known, 1:5]))
-        return attitude_track(table[known, 0], angles, TRUE_NORTH if true_north else UNSTATED_NORTH, source, notices)
+        return attitude_track(table[known, 0], angles, TRUE_NORTH if true_north else UNSTATED_NORTH, source)
 
 
 def _orientation(content: Any) -> tuple[float, ...]:

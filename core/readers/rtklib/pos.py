@@ -236,10 +236,9 @@ def _solutions(rows: PosRows, name: str, place: Callable[[int], str]) -> LoggedP
     """The positions of the rows; `place` describes where a row is in the files."""
     if rows.header.form is PosForm.BASELINE:
         return LoggedPositions.none(name, InputError("pos-baseline", name=name))
-    notices: list[Notice] = []
     style = rows.style or 6
     table = np.concatenate([np.empty((0, style + MAX_VALUES)), *rows.tables])
-    columns = _columns(rows.header, table[:, :style], table[:, style:], name, notices)
+    columns, notices = _columns(rows.header, table[:, :style], table[:, style:], name)
     usable = columns["fix"] != Fix.NONE
     usable &= np.isfinite(columns["t_s"] + columns["lon_deg"] + columns["lat_deg"])
     kept = np.flatnonzero(usable)
@@ -260,9 +259,10 @@ def _solutions(rows: PosRows, name: str, place: Callable[[int], str]) -> LoggedP
 
 
 def _columns(
-    header: PosHeader, time: FloatArray, values: FloatArray, name: str, notices: list[Notice]
-) -> dict[str, NDArray[Any]]:
+    header: PosHeader, time: FloatArray, values: FloatArray, name: str
+) -> tuple[dict[str, NDArray[Any]], list[Notice]]:
     """The columns of a track, and `t_s`; nan where a value is invalid."""
+    notices = []
     if len(values) and not header.time:
         notices.append(Notice("time-scale-assumed", name=name))
     if header.form is PosForm.SEXAGESIMAL:
@@ -285,7 +285,7 @@ def _columns(
         notices.append(Notice("no-ellipsoidal-height.geodetic-columns", name=name))
     quality = np.where((values[:, 3] >= 0) & (values[:, 3] <= 7), values[:, 3], 0).astype(np.int64)
     satellites = np.where((values[:, 4] >= 1) & (values[:, 4] <= 999), values[:, 4], -1)
-    return {
+    columns: dict[str, NDArray[Any]] = {
         "t_s": _utc_s(time, header.time),
         "lon_deg": signed_deg(lon),
         "lat_deg": lat,
@@ -299,6 +299,7 @@ def _columns(
         "satellites": satellites.astype(np.int16),
         "age_s": values[:, 11] if np.any(values[:, 11] > 0.0) else np.full(len(values), np.nan),
     }
+    return columns, notices
 
 
 def _utc_s(time: FloatArray, scale: str) -> FloatArray:

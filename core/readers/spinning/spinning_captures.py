@@ -229,7 +229,7 @@ class SpinningPcap(FileReader):
         """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""
         if len(self._senders) > 1:
             names = [address_of(sender) for sender in self._senders]
-            raise InputError("two-sensors", paths=self.name, words="; ".join(names), example=names[0])
+            raise InputError("two-sensors", paths=self.name, words="; ".join(names), example=names[0], by_model=False)
         return self._read(self.paths, SensorTraffic(self.maker))
 
     def beam_elevations(self) -> Mapping[str, FloatArray]:

@@ -135,11 +135,15 @@ class UbxLog(ReceiverLog):
     def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
         pvt = messages[NAV_PVT]
         hp = messages[NAV_HPPOSLLH]
-        notices: list[Notice] = []
-        base = pvt if len(pvt) else hp
-        columns = _read_pvt(pvt) if len(pvt) else _read_hpposllh(hp, messages[NAV_STATUS], notices, name)
+        if len(pvt):
+            base = pvt
+            columns = _read_pvt(pvt)
+            notices = _without_fix(hp, pvt, name)
+        else:
+            base = hp
+            columns, notices = _read_hpposllh(hp, messages[NAV_STATUS], name)
         key = base.values["itow"].astype(np.int64)
-        _refine(columns, key, messages, notices, name, both=len(pvt) > 0)
+        _refine(columns, key, messages)
         count = np.bincount(pvt.values["kind"], minlength=6)
         kinds = {kind: int(count[number]) for number, kind in _FIX_TYPES.items() if count[number]}
         facts = {"kinds_of_fix": kinds} if kinds else {}
@@ -214,7 +218,7 @@ def _read_pvt(pvt: Messages) -> dict[str, NDArray[Any]]:
     }
 
 
-def _read_hpposllh(hp: Messages, status: Messages, notices: list[Notice], name: str) -> dict[str, NDArray[Any]]:
+def _read_hpposllh(hp: Messages, status: Messages, name: str) -> tuple[dict[str, NDArray[Any]], list[Notice]]:
     """The columns of NAV-HPPOSLLH alone, with the kind of fix of NAV-STATUS."""
     key = hp.values["itow"].astype(np.int64)
     of = status.values["itow"].astype(np.int64)
@@ -226,11 +230,12 @@ def _read_hpposllh(hp: Messages, status: Messages, notices: list[Notice], name: 
         [Fix.NONE, Fix.FIXED, Fix.FLOAT, Fix.DGPS],
         Fix.SINGLE,
     )
+    notices = []
     if len(row) < len(hp):
         notices.append(Notice("fix-unknown", name=name, unknown=len(hp) - len(row), positions=len(hp)))
     fix[(hp.values["flags"] & 1) > 0] = Fix.NONE
     nothing = np.full(len(hp), np.nan)
-    return {
+    columns: dict[str, NDArray[Any]] = {
         "utc_s": nothing,
         "fix": fix,
         "lon_deg": hp.column("lon") / 1e7,
@@ -241,17 +246,16 @@ def _read_hpposllh(hp: Messages, status: Messages, notices: list[Notice], name: 
         "sigma_h_m": nothing.copy(),
         "hdop": nothing.copy(),
     }
+    return columns, notices
 
 
-def _refine(
-    columns: dict[str, NDArray[Any]],
-    key: NDArray[np.int64],
-    messages: Mapping[int, Messages],
-    notices: list[Notice],
-    name: str,
-    *,
-    both: bool,
-) -> None:
+def _without_fix(hp: Messages, pvt: Messages, name: str) -> list[Notice]:
+    """A notice of the positions of NAV-HPPOSLLH at whose times there is no NAV-PVT."""
+    alone = len(hp) - int(np.isin(hp.values["itow"], pvt.values["itow"]).sum())
+    return [Notice("positions-without-fix", name=name, alone=alone, positions=len(hp))] if alone else []
+
+
+def _refine(columns: dict[str, NDArray[Any]], key: NDArray[np.int64], messages: Mapping[int, Messages]) -> None:
     """Replace columns of NAV-PVT where NAV-HPPOSLLH or NAV-COV is more precise; add dilution and heading."""
 
     def take(column: str, kind: int, values: FloatArray, usable: NDArray[np.bool_]) -> None:
@@ -279,9 +283,6 @@ def _refine(
     take("heading_deg", NAV_RELPOSNED, base.column("heading", 1e-5) % 360.0, shown)
     dop = messages[NAV_DOP]
     take("hdop", NAV_DOP, dop.column("hdop", 0.01), np.ones(len(dop), bool))
-    alone = len(hp) - int(np.isin(hp.values["itow"], key).sum())
-    if both and alone:
-        notices.append(Notice("positions-without-fix", name=name, alone=alone, positions=len(hp)))
 
 
 def _calendar(messages: Messages, valid: int) -> FloatArray:

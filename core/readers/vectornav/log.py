@@ -276,14 +276,18 @@ class _VectorNav(FileReader, ABC):
         beyond = first_beyond(values)
         if beyond is not None:
             raise InputError("value-out-of-range.beyond-imus", name=name, beyond=beyond[0])
-        return inertial_track(timed[:, 0], values, name, self.notices)
+        track, late = inertial_track(timed[:, 0], values, name)
+        self.notices += late
+        return track
 
     def attitude(self) -> AttitudeTrack:
         """The attitudes by the device's own filter; it does not say from which north they count."""
         rows = self._rows()
         rows = rows[np.isfinite(rows[:, [0, 7, 8, 9]]).all(axis=1)]
         angles = np.column_stack([rows[:, 9], rows[:, 8], rows[:, 7] % 360.0])
-        return attitude_track(rows[:, 0], angles, UNSTATED_NORTH, self.name, self.notices)
+        track, late = attitude_track(rows[:, 0], angles, UNSTATED_NORTH, self.name)
+        self.notices += late
+        return track
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report rates, span and the mean specific force."""

@@ -1,12 +1,13 @@
 """Texts of the product within messages, pages and layers: an English template and values, shown in any language.
 
-The English template is the key of the text in the catalogues of other languages, as with gettext: `ja_phrases.toml` has
+A language is one file, such as `ja.toml`, with its own `name`. English has only the sentences of messages
+(:mod:`~furrowmap.core.runtime.languages.messages`); others also have texts by their English templates, as with gettext:
 
+    [texts]
     "line {line} names {name!r}" = "{line} 行目に {name} があります"
 
-A catalogue is all files of a language but that of its messages, such as `ja_pages.toml`. A template that a catalogue
-lacks is shown in English. The table `[share]` holds the texts of a place that has other words for some of them, as
-contexts of gettext do.
+A template that a language lacks is shown in English. `[words]` holds words that come as plain strings, `[share]`
+and `[live]` the texts of places that have other words for some of them, as contexts of gettext do.
 """
 
 import tomllib
@@ -21,10 +22,13 @@ from furrowmap.core.runtime.languages.templates import Hole, Part, fill, holes_o
 from furrowmap.core.runtime.urls import without_passwords
 
 ENGLISH: Final = "en"
+_CATALOGUES: Final = files("furrowmap.core.runtime.languages")
+_PRESENT: Final = {file.name[:-5] for file in _CATALOGUES.iterdir() if file.name.endswith(".toml")}
+LANGUAGES: Final = (ENGLISH, *sorted(_PRESENT - {ENGLISH}))
+"""ISO 639-1 codes, one of each file; English, in which the texts are written, is the first."""
+TEXT_TABLE: Final = "texts"
 WORDS: Final = "words"
-"""The table of a catalogue with :func:`words_of`."""
-LANGUAGES: Final = (ENGLISH, "ja")
-"""ISO 639-1 codes; English is what the texts are written in."""
+"""The table of a language with :func:`words_of`."""
 
 
 @dataclass(frozen=True, init=False)
@@ -69,7 +73,10 @@ LIST_STYLES: Final = {
 """What stands between the items of a list, and before its last, by the format that its hole states."""
 SHARE: Final = "share"
 """The place of the texts of shared results, among them the words for classes of points."""
-PLACES_WITH_OWN_WORDS: Final = (SHARE,)
+LIVE: Final = "live"
+"""The place of the texts of the live page."""
+PLACES_WITH_OWN_WORDS: Final = (SHARE, LIVE)
+_NO_MESSAGES: Final = (TEXT_TABLE, WORDS, *PLACES_WITH_OWN_WORDS)
 
 
 def shown_values(
@@ -143,9 +150,10 @@ def in_every_language(text: Words) -> dict[str, str]:
 @cache
 def templates(language: str) -> Mapping[str, Mapping[str, str]]:
     """The templates of every key of a language, by part; those of a variant with the parts of its code."""
-    text = files("furrowmap.core.runtime.languages").joinpath(f"{language}_messages.toml").read_text("utf-8")
     found: dict[str, Mapping[str, str]] = {}
-    for code, table in tomllib.loads(text).items():
+    for code, table in catalogue(language).items():
+        if code in _NO_MESSAGES or isinstance(table, str):
+            continue
         own = {part: template for part, template in table.items() if isinstance(template, str)}
         if own:
             found[code] = own
@@ -158,7 +166,8 @@ def templates(language: str) -> Mapping[str, Mapping[str, str]]:
 @cache
 def words_of(language: str) -> Mapping[str, str]:
     """Words that come as plain strings, such as names of kinds and what the operating system says; none in English."""
-    return {} if language == ENGLISH else _tables(language).get(WORDS, {})
+    words: Mapping[str, str] = catalogue(language).get(WORDS, {})
+    return words
 
 
 @cache
@@ -171,20 +180,22 @@ def texts_of(language: str, place: str = "") -> Mapping[str, str]:
         message = f"there is no catalogue of {language!r}"
         raise ValueError(message)
     if place:
-        return _tables(language).get(place, {})
+        of_place: Mapping[str, str] = catalogue(language).get(place, {})
+        return of_place
+    if language == ENGLISH:
+        return {}
     own = templates(language)
-    parts = ((english, own[key][part]) for key, of in templates(ENGLISH).items() for part, english in of.items())
-    found = {} if language == ENGLISH else dict(parts)
-    tables = [table for title, table in _tables(language).items() if title not in PLACES_WITH_OWN_WORDS]
-    return found | {source: target for table in tables for source, target in table.items()}
+    texts: Mapping[str, str] = catalogue(language)[TEXT_TABLE]
+    parts = {english: own[key][part] for key, of in templates(ENGLISH).items() for part, english in of.items()}
+    return {**parts, **texts, **words_of(language)}
+
+
+def texts_by_language(place: str) -> dict[str, dict[str, Any]]:
+    """The name of each language and its texts of a place, for a page that chooses its language itself."""
+    return {one: {"name": catalogue(one)["name"], "texts": texts_of(one, place)} for one in LANGUAGES}
 
 
 @cache
-def _tables(language: str) -> Mapping[str, Mapping[str, str]]:
-    found: dict[str, dict[str, str]] = {}
-    folder = files("furrowmap.core.runtime.languages")
-    for name in sorted(f.name for f in folder.iterdir() if f.name.startswith(f"{language}_")):
-        if language != ENGLISH and name != f"{language}_messages.toml":
-            for title, table in tomllib.loads(folder.joinpath(name).read_text("utf-8")).items():
-                found.setdefault(title, {}).update(table)
-    return found
+def catalogue(language: str) -> Mapping[str, Any]:
+    """The content of the file of a language."""
+    return tomllib.loads(_CATALOGUES.joinpath(f"{language}.toml").read_text("utf-8"))

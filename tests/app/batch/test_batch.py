@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError
 from furrowmap.exporters.files.batch_state import STATE, batch_state
 from furrowmap.workflows.batch import dask, workforce
 from furrowmap.workflows.batch.batch import _lost
@@ -305,9 +305,9 @@ def test_lost_dask_worker__is_replaced_and_its_item_repeated_and_a_lost_schedule
 def test_workforce__without_dask_is_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workforce, "find_spec", lambda _: None)
     assert Workforce(None, None, print).workers == 1
-    with pytest.raises(RefusedError) as refused:
+    with pytest.raises(InputError) as refused:
         Workforce(2, None, print)
-    assert refused.value.code == "no-dask"
+    assert refused.value.code == "extra-missing"
 
 
 def test_scheduler__that_does_not_answer_is_an_error() -> None:
@@ -316,7 +316,7 @@ def test_scheduler__that_does_not_answer_is_an_error() -> None:
     assert error.value.code == "no-scheduler"
     assert _not_started(RuntimeError("x")).code == "batch-no-workers"
     assert _unusable(ValueError("x")).code == "batch-cluster"
-    assert _lost("north").code == "batch-worker-lost"
+    assert _lost("north").code == "worker-lost"
 
 
 def test_state__keeps_what_it_was_given(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from moto.server import ThreadedMotoServer
 
 import furrowmap
-from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
+from furrowmap.core.runtime.errors import InputError, UsageError
 from furrowmap.exporters.files.batch_state import STATE
 from furrowmap.workflows.batch.batch import run_job
 from furrowmap.workflows.batch.jobs import Job
@@ -72,9 +72,9 @@ def test_store__that_holds_nothing_or_cannot_be_opened_is_an_error(tmp_path: Pat
     with pytest.raises(InputError) as outside:
         Store("memory://nothing").fetch(["../x"], tmp_path)
     assert outside.value.code == "batch-file-name"
-    with pytest.raises(RefusedError) as unknown:
+    with pytest.raises(InputError) as unknown:
         Store("gs://bucket").files()  # gcsfs is not installed
-    assert unknown.value.code == "no-fsspec"
+    assert unknown.value.code == "extra-missing"
     text = 'furrowmap = 1\n[recording]\nlidar = ["a"]\ngnss = ["b"]\n[crs]\nmap = "EPSG:6677"\n'
     url = "memory://nothing"
     gone = run_job(Job("n", f"{url}/session.toml", text, "", url=url, results_url="s3://no bucket/x"))

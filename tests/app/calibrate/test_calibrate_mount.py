@@ -114,7 +114,7 @@ def test_mount__is_within_a_twentieth_of_a_degree(frames: Path, tmp_path: Path) 
     # Both the first frame, which is zero, and each other have the error that is stated.
     assert (off_deg(found)[1:] < 4.0 * np.hypot(found.sigma_deg[0], found.sigma_deg[1:])).all()
     assert [notice.code for notice in found.notices] == ["board-not-in-frames"]
-    motion = read_mount(found.path, T0_S, [])
+    motion, _ = read_mount(found.path, T0_S)
     assert motion.t_s == pytest.approx(found.t_s)
     roll, pitch, yaw = ATTITUDE_DEG[3]
     read = Rotation.from_quat(motion.quaternion[3], scalar_first=True).as_matrix()

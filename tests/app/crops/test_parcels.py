@@ -228,7 +228,7 @@ def test_treatments__are_in_the_table_with_doses_up_to_the_day(trial: Path, tmp_
     with pytest.raises(FurrowmapError, match=r"1 parcel \(9\)") as refused:
         furrowmap.parcels([trial / "flight.laz"], trial / "parcels.gpkg", tmp_path / "none", settings)
     assert refused.value.code == "treatments-unknown"
-    with pytest.raises(UsageError, match="is no date"):
+    with pytest.raises(UsageError, match="is not a day"):
         furrowmap.ParcelSettings(day="1 April")
 
 

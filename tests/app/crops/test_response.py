@@ -14,7 +14,7 @@ import pytest
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
-from furrowmap.exporters.files.csv_cells import write_workbook
+from furrowmap.exporters.files.workbooks import write_workbook
 
 RATES = np.array([0, 50, 100, 150, 200, 250, 300])
 SVG = "{http://www.w3.org/2000/svg}"

@@ -58,7 +58,7 @@ def test_history__is_a_page_in_japanese_and_a_table(farm: Path, tmp_path: Path) 
     assert float(rows[0]["worked_area_m2"]) == 75.5
     with pytest.raises(RefusedError):
         furrowmap.field_history(farm, "圃場 <1>", table)
-    with pytest.raises(UsageError, match="unknown format of a history"):
+    with pytest.raises(UsageError, match=r"does not end in \.html or \.csv"):
         furrowmap.field_history(farm, "圃場 <1>", tmp_path / "history.txt")
     with pytest.raises(InputError, match="no field 'fourth'") as caught:
         furrowmap.field_history(farm, "fourth")
@@ -84,7 +84,7 @@ def test_traffic__is_that_of_the_polygons_and_the_tracks(farm: Path, tmp_path: P
 
 
 def test_day__that_is_none_is_refused(farm: Path) -> None:
-    with pytest.raises(UsageError, match="'13-01' is not a day of the year"):
+    with pytest.raises(UsageError, match="'13-01' is not a month and a day"):
         furrowmap.add_to_farm_map(farm, [], season_start="13-01")
 
 

@@ -6,10 +6,14 @@ import datetime as dt
 import gzip
 import json
 import signal
+import struct
 import sys
+import time
+from collections.abc import Iterator
+from heapq import merge
 from pathlib import Path
 from random import Random
-from threading import Event, Timer
+from threading import Event, Thread, Timer
 from typing import Any
 
 import msgspec
@@ -20,8 +24,15 @@ from furrowmap.core.live.difference import LIVE_LOG, LOGGED
 from furrowmap.core.simulator.scenario import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
 from tests.app.killing import KILLS, Mortal
+from tests.replay import sentences
 
+CAPTURE = "lidar-192.168.1.201-0001.pcap"
+LOG = "gnss-0001.log"
+PCAP_HEAD_BYTES = 24
+PCAP_RECORD = struct.Struct("<IIII")
 LONGEST_S = 4.0
+SPEED = 2.0
+"""By which the recorder of the test is faster than one."""
 pytestmark = pytest.mark.skipif(sys.platform == "win32" or not KILLS, reason="a part of make kills")
 
 
@@ -36,10 +47,10 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     folder = made.session.parent
     text = made.session.read_text(encoding="utf-8")
-    (folder / "lidar-192.168.1.201-0001.pcap").write_bytes(gzip.decompress(made.recording.read_bytes()))
+    (folder / CAPTURE).write_bytes(gzip.decompress(made.recording.read_bytes()))
     made.recording.unlink()
-    (folder / "gnss.nmea").rename(folder / "gnss-0001.log")
-    text = text.replace(made.recording.name, "lidar-192.168.1.201-0001.pcap").replace("gnss.nmea", "gnss-0001.log")
+    (folder / "gnss.nmea").rename(folder / LOG)
+    text = text.replace(made.recording.name, CAPTURE).replace("gnss.nmea", LOG)
     made.session.write_text(text, encoding="utf-8")
     return folder
 
@@ -52,6 +63,40 @@ def logged(folder: Path) -> list[dict[str, Any]]:
     """The lines that are whole."""
     *lines, _ = (folder / LIVE_LOG).read_text(encoding="utf-8").split("\n")
     return [json.loads(line) for line in lines]
+
+
+def records(capture: bytes) -> Iterator[tuple[float, str, bytes]]:
+    """The records of a capture of nanoseconds, with their times and the file that they come into."""
+    at = PCAP_HEAD_BYTES
+    while at < len(capture):
+        whole_s, ns, size, _ = PCAP_RECORD.unpack_from(capture, at)
+        end = at + PCAP_RECORD.size + size
+        yield whole_s + 1e-9 * ns, CAPTURE, capture[at:end]
+        at = end
+
+
+def begin_again(folder: Path) -> list[tuple[float, str, bytes]]:
+    """Let capture and log have their first second alone; what comes after it, in the order of time."""
+    capture = (folder / CAPTURE).read_bytes()
+    received = list(records(capture))
+    midnight_s = received[0][0] // 86_400 * 86_400
+    positions = [(t_s, LOG, line) for t_s, _, line in sentences(folder / LOG, midnight_s, 0)]
+    came = list(merge(received, positions))
+    first = [one for one in came if one[0] < came[0][0] + 1.0]
+    for name, head in ((CAPTURE, capture[:PCAP_HEAD_BYTES]), (LOG, b"")):
+        (folder / name).write_bytes(head + b"".join(content for _, into, content in first if into == name))
+    return came[len(first) :]
+
+
+def go_on(folder: Path, coming: list[tuple[float, str, bytes]], go: Event, stop: Event) -> None:
+    """Append to capture and log as a recorder does, as soon as the live session has begun."""
+    go.wait()
+    begun_s = time.monotonic()
+    with (folder / CAPTURE).open("ab", buffering=0) as packets, (folder / LOG).open("ab", buffering=0) as log:
+        for t_s, name, content in coming:
+            if stop.wait(max((t_s - coming[0][0]) / SPEED - (time.monotonic() - begun_s), 0.0)):
+                return
+            (packets if name == CAPTURE else log).write(content)
 
 
 def test_promise_20__killed_live_session_changes_nothing_else_and_leaves_whole_lines(
@@ -72,18 +117,24 @@ def test_promise_20__killed_live_session_changes_nothing_else_and_leaves_whole_l
         assert set(head) == {"crs"}
         assert all(set(row) == set(LOGGED) for row in rows)
         lines.append(len(rows))
-    stop, posed = Event(), 0
+    go, stop, posed = Event(), Event(), 0
 
     def hear(scan: dict[str, Any]) -> None:
         nonlocal posed
+        go.set()
         posed += "e_m" in scan
         if posed > 5:
             stop.set()
 
-    longest = Timer(60.0, stop.set)
+    longest = Timer(120.0, stop.set)
+    recorder = Thread(target=go_on, args=(recording, begin_again(recording), go, stop), daemon=True)
+    recorder.start()
     longest.start()
     furrowmap.live(recording, port=None, nmea_port=None, stop=stop, on_scan=hear)
     longest.cancel()
+    stop.set()
+    go.set()
+    recorder.join()
     assert posed > 5
     head, *rows = logged(recording)
     assert head["crs"].startswith("EPSG:")

@@ -26,6 +26,7 @@ from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.live.poses import LivePose
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.texts import LANGUAGES, texts_of
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.session.proposal import recorded_session
 from furrowmap.core.simulator.capture import frame_head
@@ -124,9 +125,9 @@ def test_page__is_whole_without_other_hosts_and_takes_no_commands() -> None:
         assert "default-src 'none'" in html
         assert "//" not in html.replace("<!DOCTYPE html>", "")
         assert "http" not in script.replace("https and localhost", "")
-        english, japanese = (script.partition(f"  {name}: {{")[2].partition("  },")[0] for name in ("en", "ja"))
-        names = [{word.split(":")[0].strip() for word in block.split('",')} for block in (english, japanese)]
-        assert names[0] == names[1]
+        languages = json.loads(script.partition("const LANGUAGES = ")[2].partition(";\n")[0])
+        assert languages["ja"] == {"name": "日本語", "texts": texts_of("ja", "live")}
+        assert tuple(languages) == LANGUAGES
         for method in ("POST", "PUT", "DELETE"):
             reader.request(method, "/events", b"{}")
             answer = reader.getresponse()
@@ -162,7 +163,16 @@ def test_outlet__sends_sentences_that_another_reader_understands() -> None:
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
     sigma = (0.01, 0.01, 0.02, 0.2, 0.2, 0.3)
     pose = LivePose(
-        1_781_141_020.25, (float(e[0]), float(n[0]), 271.4), turn, sigma, -1.0, 0.0, 0.1, Fix.FIXED, leans=True
+        1_781_141_020.25,
+        (float(e[0]), float(n[0]), 271.4),
+        turn,
+        sigma,
+        -1.0,
+        0.0,
+        0.1,
+        Fix.FIXED,
+        leans=True,
+        is_guess=False,
     )
     hub = Hub()
     server = serve_lines("127.0.0.1", 0, hub)
@@ -256,9 +266,9 @@ def test_waiting_and_warnings__are_said_in_the_languages_of_readers() -> None:
     said = json.loads(joined.queue.get_nowait().decode().partition("data: ")[2])
     assert said == {
         "en": f"{waits.what} {silent.text}",
-        "ja": f"{waits.lines_in('ja')[0]} {silent.text_in('ja')}",
+        **{one: f"{waits.lines_in(one)[0]} {silent.text_in(one)}" for one in LANGUAGES[1:]},
     }
-    assert by_language({"code": silent.code, **silent.texts}) == {"en": silent.text, "ja": silent.text_in("ja")}
+    assert by_language({"code": silent.code, **silent.texts}) == {one: silent.text_in(one) for one in LANGUAGES}
     assert by_language({"code": "of-an-old-recorder", "text": silent.text})["ja"] == silent.text
 
 
@@ -268,7 +278,7 @@ def test_sources__that_cannot_be_used_are_refused(tmp_path: Path, capsys: pytest
     assert command_line(["live"]) == 2
     assert "Neither FOLDER nor --from" in capsys.readouterr().err
     assert command_line(["live", str(tmp_path), "--from", "session.toml"]) == 2
-    assert "both given" in capsys.readouterr().err
+    assert "FOLDER and --from cannot be combined" in capsys.readouterr().err
     for port in (65_536, -1):
         with pytest.raises(furrowmap.UsageError, match="cannot be used"):
             furrowmap.live(tmp_path, host="127.0.0.1", port=port, nmea_port=None)

@@ -59,7 +59,7 @@ def test_background__that_is_none_is_refused(tmp_path: Path, monkeypatch: pytest
     with pytest.raises(furrowmap.InputError, match="no PNG"):
         open_background(mbtiles(tmp_path / "vector.mbtiles", b"\x1f\x8b of vectors"))
     monkeypatch.setitem(sys.modules, "pmtiles.reader", None)
-    with pytest.raises(furrowmap.RefusedError, match="pmtiles is not installed"):
+    with pytest.raises(furrowmap.InputError, match="pmtiles is not installed"):
         open_background(pmtiles(tmp_path / "map.pmtiles"))
 
 
@@ -121,5 +121,5 @@ def test_mqtt__says_why_it_sends_nothing(monkeypatch: pytest.MonkeyPatch) -> Non
         with pytest.raises(furrowmap.UsageError, match="no address of an MQTT broker"):
             MqttOutlet(url)
     monkeypatch.setitem(sys.modules, "paho.mqtt.client", None)
-    with pytest.raises(furrowmap.RefusedError, match="paho-mqtt is not installed"):
+    with pytest.raises(furrowmap.InputError, match="paho-mqtt is not installed"):
         MqttOutlet("mqtt://127.0.0.1")

@@ -33,7 +33,7 @@ def test_live__follows_the_recording_of_any_scanner(model: str, tmp_path: Path) 
     assert (summary.dropped, summary.lost_packets) == (0, 0)
     assert recorded - 2 <= summary.scans <= recorded  # the last revolution has no end
     posed = [scan for scan in seen if "e_m" in scan]
-    assert len(posed) > 0.4 * recorded  # the first pose comes after 2.5 m
+    assert len(posed) > 0.4 * recorded  # the first pose comes after 1.5 m
     true_m = truth.at(np.array([scan["t_s"] for scan in posed])).xyz_m
     off_m = np.hypot(*(np.array([[scan["e_m"], scan["n_m"]] for scan in posed]) - true_m[:, :2]).T)
     assert np.sqrt((off_m**2).mean()) < 0.07  # the errors of the positions counted in

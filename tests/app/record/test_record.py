@@ -325,15 +325,17 @@ def test_watch__names_what_is_wrong(tmp_path: Path, ports: tuple[int, int, int])
         time.sleep(0.1)
         replay((0.0, ports[0], each) for each in (data, unlocked))
         for k in range(2, 21):
-            # The port's buffer is small, and this packet must not be one of those that are lost.
-            for packet in [livox] * 10 if k == 9 else [ouster]:
+            # Among the first eight, which have a place; the port's buffer is small, so this one is sent ten times.
+            for packet in [livox] * 10 if k == 3 else [ouster]:
                 replay(iter([(0.0, ports[0], packet)]), source=f"127.0.0.{k}")
                 time.sleep(0.02)
         replay((0.0, ports[1], bytes(range(128, 256)) * 8) for _ in range(8))
         time.sleep(0.3)
         watch._clock_s -= 5.0  # the clock of five seconds ago
-        storage._oldest_s = time.monotonic() - 1e6  # a disk that flushes nothing
         found = watch.look().warnings
+        for _ in range(20):
+            storage._oldest_s = time.monotonic() - 1e6  # a disk that flushes nothing; the flusher may come in between
+            found |= watch.look().warnings
         receivers[1]._begun_s -= 60.0
         storage.discarded_bytes += 1
         found |= watch.look().warnings
@@ -347,15 +349,15 @@ def test_watch__names_what_is_wrong(tmp_path: Path, ports: tuple[int, int, int])
         *("disk-slow", "discarded", "unread", "many-scanners"),
     }
     jump = next(notice for name, notice in found.items() if "clock-jump" in name)
-    assert "+5.00 s" in jump.text
+    # The two clocks are read one after the other, and a busy machine takes some milliseconds between them.
+    assert dict(jump.values)["jump_s"] == pytest.approx(5.0, abs=0.1)
 
 
 def test_buffer__that_is_small_is_named(ports: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("furrowmap.workflows.record.record.BUFFER_BYTES", 1 << 40)  # more than any system grants
-    lasting: list[Notice] = []
-    (port,) = open_ports([ports[:1]], lasting)
+    (port,), notices = open_ports([ports[:1]])
     port.socket.close()
-    assert [notice.code for notice in lasting] == ["record-buffer"]
+    assert [notice.code for notice in notices] == ["record-buffer"]
 
 
 def test_server__that_ends_the_connection_is_asked_again(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 import furrowmap
 from furrowmap.core.runtime.settings import using
-from furrowmap.exporters.reports import html_pages as pages
+from furrowmap.exporters.reports import printed_pages as pages
 from tests.exporters.reports.test_page_language import PAGE
 
 

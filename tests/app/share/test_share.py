@@ -134,7 +134,9 @@ def try_out(page: Page, data: dict[str, Any]) -> None:
     assert page.is_enabled("#layers input[name=trajectory]")
 
 
-@pytest.mark.parametrize(("place", "size", "language"), [("disk", PHONE, "ja-JP"), ("server", DESKTOP, "en-GB")])
+@pytest.mark.parametrize(
+    ("place", "size", "language"), [("disk", PHONE, "ja-JP"), ("server", DESKTOP, "en-GB"), ("disk", PHONE, "de-AT")]
+)
 def test_page__works_and_asks_for_nothing_outside(
     shared: furrowmap.Shared,
     site: str,
@@ -173,10 +175,12 @@ def test_page__works_and_asks_for_nothing_outside(
     assert data["when"] in panel
     for figure in data["figures"]:
         assert figure["value"][language[:2]] in panel
-    assert ("作業面積" if language == "ja-JP" else "Worked") in panel
-    page.click("#language")
+    assert {"ja-JP": "作業面積", "en-GB": "Worked", "de-AT": "Bearbeitet"}[language] in panel
+    page.select_option("#language", "en" if language == "ja-JP" else "ja")
     assert ("Worked" if language == "ja-JP" else "作業面積") in page.inner_text("#panel")
     page.uncheck("#layers input[name=dsm]")
+    page.check("#layers input[name=passes]")
+    page.uncheck("#layers input[name=coverage]")  # it lies above the passes
     page.check("#layers input[name=trajectory]")
     if size == PHONE:
         page.click("#menu")
@@ -306,10 +310,10 @@ def test_project__opens_in_qgis_wherever_it_is_copied(named: Path, tmp_path: Pat
     assert (project["title"], project["crs"]) == (HOSTILE, "EPSG:6677")
     assert all(layer["valid"] and layer["crs"] == "EPSG:6677" for layer in layers.values())
     assert all(str(tmp_path / "phone") in layer["source"] for layer in layers.values())
-    assert list(layers)[-2:] == ["作業後の起伏", "作業前の起伏"]
-    assert layers["作業後の起伏"]["renderer"] == "hillshade"
-    assert layers["高さの変化（m）"]["renderer"] == "singlebandpseudocolor"
-    assert layers["作業機の軌跡"]["labels"] == ["作業機 下", "作業機 上", "不明"]
+    assert list(layers)[-2:] == ["作業後の地表面", "作業前の地表面"]
+    assert layers["作業後の地表面"]["renderer"] == "hillshade"
+    assert layers["地表面の変化"]["renderer"] == "singlebandpseudocolor"
+    assert layers["耕うん経路"]["labels"] == ["作業機 下", "作業機 上", "不明"]
     assert layers["行程"]["features"] == 1
     assert layers["行程"]["read_only"]
     assert not layers["車両の位置"]["shown"]

@@ -21,7 +21,8 @@ from furrowmap.cli.main import command_line
 from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.accuracy.product_check import Component, HeldHeights, check_product
 from furrowmap.core.crops.parcel_areas import read_parcels
-from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
+from furrowmap.core.readers.chosen_survey import SurveyOptions
+from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 
 E, N = 22_900.0, 11_600.0

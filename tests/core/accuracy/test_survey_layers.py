@@ -10,7 +10,8 @@ import pytest
 import shapely
 
 from furrowmap.core.accuracy.point_check import surface_at_points
-from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
+from furrowmap.core.readers.chosen_survey import SurveyOptions
+from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.vector_file import read_polygons
 from furrowmap.core.runtime.errors import InputError, RefusedError
 

@@ -217,7 +217,7 @@ def test_lifting_on_a_straight_way__is_no_turn() -> None:
 @pytest.mark.parametrize("name", ["tractor_loop", "tractor_fishtail"])
 def test_sample__misses_and_zones_lie_in_the_field_beside_the_ground_worked(shared_data: Path, name: str) -> None:
     truth = sample(shared_data / name)
-    (outline,) = read_fields(truth.boundary_file)
+    (outline,) = read_fields(truth.boundary_file)[0]
     field = boundary_on_map(outline.outline, truth.frame)
     ground = worked_ground(truth.trajectory, truth.states, truth.session.implement, truth.frame, field)
     for place in (*ground.misses, *ground.zones):

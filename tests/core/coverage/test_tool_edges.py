@@ -64,6 +64,25 @@ def test_tool__beside_where_it_is_stated_ends_where_the_soil_does(aside_m: float
         assert f"{found.left_m:.2f} m to the left" in notice.text
 
 
+@pytest.mark.parametrize("aside_m", [0.95, -0.95, 1.2, -1.2, 1.9, -1.9])
+def test_tool__that_worked_beside_the_middle_of_its_line_is_told(aside_m: float) -> None:
+    """Its far end is told where soil changed close to the middle, its near end else."""
+    found = ends(tilled(), aside_m)
+    tool = Implement(name="", kind="rotary tiller", xy_m=(-1.6, aside_m), width_m=2.0 * HALF_M)
+    (notice,) = found.notices(tool)
+    if notice.key == "tool-apart":
+        far_m = found.right_m if aside_m > 0.0 else found.left_m
+        assert far_m == pytest.approx(abs(aside_m) + HALF_M, abs=1.6 * ACROSS_BIN_M)
+    else:
+        assert found.aside_m == pytest.approx(np.sign(aside_m) * HALF_M - aside_m, abs=1.1 * ACROSS_BIN_M)
+
+
+def test_windrow__beside_ground_that_a_mower_leaves_as_it_is_shows_no_tool_elsewhere() -> None:
+    laid = np.where(np.abs(NORTHING_M - MIDDLE_M - 1.0) < 0.35, 0.05, 0.0)
+    tool = Implement(name="", kind="mower", xy_m=(-1.6, 0.0), width_m=2.0 * HALF_M)
+    assert ends(laid).notices(tool) == ()
+
+
 @pytest.mark.parametrize(("half_m", "told"), [(0.85, False), (0.9, False), (1.275, True), (0.68, True), (0.45, True)])
 def test_width__that_is_stated_too_large_or_small_is_told(half_m: float, *, told: bool) -> None:
     found = ends(tilled(), half_m=half_m)

@@ -39,7 +39,7 @@ def test_every_format__gives_the_same_parcels(tmp_path: Path, suffix: str, drive
         table = table.set_crs(4326, allow_override=True)
     options = {"COORDINATE_PRECISION": 11} if suffix == "geojson" else {}
     table.to_file(file, driver=driver, engine="pyogrio", **options)
-    found = sorted(read_parcels(file, MAP), key=lambda parcel: parcel.id)  # FlatGeobuf orders by place
+    found = sorted(read_parcels(file, MAP)[0], key=lambda parcel: parcel.id)  # FlatGeobuf orders by place
     assert [p.id for p in found] == ["7", "8"]
     assert [p.block for p in found] == ["A", "B"]
     assert [p.attributes["n_kg_ha"] for p in found] == [0.0, 50.5]
@@ -55,7 +55,7 @@ def test_a_zipped_shapefile__is_read_and_one_of_two_is_not_guessed(tmp_path: Pat
             for stem in stems:
                 for part in parts:
                     archive.write(part, f"{stem}{part.suffix}")
-    assert [p.id for p in read_parcels(tmp_path / "one.zip", MAP)] == ["7", "8"]
+    assert [p.id for p in read_parcels(tmp_path / "one.zip", MAP)[0]] == ["7", "8"]
     for name, fault in (("two.zip", "holds 2"), ("none.zip", "holds 0")):
         with pytest.raises(InputError, match=fault) as refused:
             read_parcels(tmp_path / name, MAP)
@@ -69,7 +69,7 @@ def test_corners__one_row_each(tmp_path: Path, *, degrees: bool) -> None:
     for name, shape in zip("PQ", shapes, strict=True):
         rows += [f"{name};{x:.12g};{y:.12g};2;Benchmark" for x, y in shape.exterior.coords[:-1]]
     (tmp_path / "corners.csv").write_text("\n".join(rows))
-    found = read_parcels(tmp_path / "corners.csv", MAP)
+    found = read_parcels(tmp_path / "corners.csv", MAP)[0]
     assert [(p.id, p.block, p.attributes["variety"]) for p in found] == [
         ("P", "2", "Benchmark"),
         ("Q", "2", "Benchmark"),
@@ -106,7 +106,7 @@ def test_net__may_be_a_file_of_its_own(tmp_path: Path) -> None:
     nets = TABLE.iloc[::-1].copy()
     nets.geometry = nets.buffer(-0.5)
     nets.to_file(tmp_path / "net.gpkg")
-    found = read_parcels(tmp_path / "gross.gpkg", MAP, net=tmp_path / "net.gpkg")
+    found = read_parcels(tmp_path / "gross.gpkg", MAP, net=tmp_path / "net.gpkg")[0]
     assert all(same(p.net, shape.buffer(-0.5)) for p, shape in zip(found, SHAPES, strict=True))
     nets.iloc[:1].to_file(tmp_path / "net.gpkg")
     with pytest.raises(InputError, match=r"1 identifier \(7\) in only one") as refused:
@@ -192,7 +192,7 @@ def test_parcels_on_a_datum_of_the_past__are_refused(tmp_path: Path) -> None:
 
 def test_sample__has_the_net_parcels_of_its_readme(shared_data: Path) -> None:
     """10 x 2.5 m gross, 8 x 2.28 m net, in 4 blocks of 5."""
-    parcels = read_parcels(shared_data / "uav_wheat" / "parcels.geojson", MAP, (1.00, 0.11))
+    parcels = read_parcels(shared_data / "uav_wheat" / "parcels.geojson", MAP, (1.00, 0.11))[0]
     assert [p.id for p in parcels] == [str(k) for k in range(1, 21)]
     assert [p.block for p in parcels] == [str(k) for k in np.repeat(range(1, 5), 5)]
     for parcel in parcels:

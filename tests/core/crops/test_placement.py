@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from shapely.affinity import scale, translate
+from shapely.affinity import rotate, scale, translate
 
 from furrowmap.core.crops.parcel_placement import parcel_shift, parcels_elsewhere
 from furrowmap.core.readers.areas.rings import pixels_in
@@ -77,7 +77,7 @@ def laid_out(east_m: float, north_m: float, times: tuple[float, float] = (1.0, 1
 
 @pytest.mark.parametrize(("east_m", "north_m"), [(40.0, 0.0), (-20.0, 15.0), (0.0, 12.0)])
 def test_parcels_of_a_neighbour__are_found_with_their_shift(east_m: float, north_m: float) -> None:
-    found = parcels_elsewhere(field(known_m=25.0), WIDE, laid_out(east_m, north_m), 0.005)
+    found = parcels_elsewhere(field(known_m=25.0), WIDE, laid_out(east_m, north_m), 0.005, 0.0)
     assert found is not None
     assert (found.east_m, found.north_m) == pytest.approx((-east_m, -north_m), abs=0.21)
     assert found.mirrored == (False, False)
@@ -87,20 +87,49 @@ def test_parcels_of_a_neighbour__are_found_with_their_shift(east_m: float, north
 
 @pytest.mark.parametrize("times", [(-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
 def test_mirrored_parcels__are_found(times: tuple[float, float]) -> None:
-    found = parcels_elsewhere(field(), WIDE, laid_out(0.0, 0.0, times), 0.005)
+    found = parcels_elsewhere(field(), WIDE, laid_out(0.0, 0.0, times), 0.005, 0.0)
     assert found is not None
     assert found.mirrored == (times[0] < 0.0, times[1] < 0.0)
     assert (found.east_m, found.north_m) == pytest.approx((0.0, 0.0), abs=0.21)
     assert not found.of_positions
 
 
+@pytest.mark.parametrize("times", [(-1.0, 1.0), (1.0, -1.0)])
+@pytest.mark.parametrize("convergence_deg", [-2.5, 2.0])
+def test_parcels_mirrored_about_the_meridian__are_found(times: tuple[float, float], convergence_deg: float) -> None:
+    """The grid heading of true north is minus the convergence."""
+    middle = shapely.box(*shapely.total_bounds(LAYOUT)).centroid
+    level = [rotate(shape, -convergence_deg, origin=middle) for shape in LAYOUT]
+    stated = [rotate(scale(shape, *times, origin=middle), convergence_deg, origin=middle) for shape in level]
+    wrong = [Parcel(str(k), shape, shape.buffer(-0.3)) for k, shape in enumerate(stated)]
+    found = parcels_elsewhere(field(), WIDE, wrong, 0.005, convergence_deg)
+    assert found is not None
+    assert found.mirrored == (times[0] < 0.0, times[1] < 0.0)
+
+
+def test_mirrored_parcels__are_found_where_crop_hides_a_third_of_the_soil() -> None:
+    seen = field()
+    seen[np.random.default_rng(3).random(seen.shape) < 0.3] = np.nan
+    found = parcels_elsewhere(seen, WIDE, laid_out(0.0, 0.0, (-1.0, 1.0)), 0.005, 0.0)
+    assert found is not None
+    assert found.mirrored == (True, False)
+
+
+@pytest.mark.parametrize("lower_m", [0.2, 0.4])
+def test_right_parcels_lower_than_the_crop_around__are_not_doubted(lower_m: float) -> None:
+    """The crop between such parcels stands out wherever they are moved onto it."""
+    assert parcel_shift(crop(-lower_m), GRID, parcels(0.0, 0.0), 0.005) is None
+    assert parcel_shift(field(-lower_m), WIDE, laid_out(0.0, 0.0), 0.005) is None
+    assert parcels_elsewhere(field(-lower_m), WIDE, laid_out(0.0, 0.0), 0.005, 0.0) is None
+
+
 @pytest.mark.parametrize("height_m", [0.5, 0.05, 0.0])
 def test_right_parcels_and_bare_soil__are_nowhere_else(height_m: float) -> None:
-    assert parcels_elsewhere(field(height_m), WIDE, laid_out(0.0, 0.0), 0.005) is None
+    assert parcels_elsewhere(field(height_m), WIDE, laid_out(0.0, 0.0), 0.005, 0.0) is None
 
 
 def test_a_taller_trial_beside__casts_no_doubt_on_the_right_parcels() -> None:
     taller = field(0.2)
     for shape in LAYOUT:
         taller += pixels_in(translate(shape, 0.0, -25.0), WIDE) * np.float32(1.0)
-    assert parcels_elsewhere(taller, WIDE, laid_out(0.0, 0.0), 0.005) is None
+    assert parcels_elsewhere(taller, WIDE, laid_out(0.0, 0.0), 0.005, 0.0) is None

@@ -106,7 +106,7 @@ def test_sample__is_drawn_again_from_two_clicks(
     shared_data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Four columns of five; the corners in longitude and latitude, as a map gives them."""
-    surveyed = read_parcels(shared_data / "uav_wheat" / "parcels.geojson", CRS.from_epsg(25832))
+    surveyed = read_parcels(shared_data / "uav_wheat" / "parcels.geojson", CRS.from_epsg(25832))[0]
     table = gpd.read_file(shared_data / "uav_wheat" / "parcels.geojson").set_crs(4258, allow_override=True)
     corner = table.geometry[0].exterior.coords[0]
     end = table.geometry[15].exterior.coords[1]
@@ -122,7 +122,7 @@ def test_sample__is_drawn_again_from_two_clicks(
     assert command_line(["plots", *options, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert (answer["plots"], answer["blocks"], answer["first"], answer["last"]) == (20, 4, "1", "20")
-    drawn = read_parcels(tmp_path / "plots.geojson", CRS.from_epsg(25832))
+    drawn = read_parcels(tmp_path / "plots.geojson", CRS.from_epsg(25832))[0]
     for one, other in zip(drawn, surveyed, strict=True):
         assert (one.id, one.block) == (other.id, other.block)
         assert one.gross.intersection(other.gross).area > 0.95 * other.gross.area  # paths are 0.45 to 0.60 m wide
@@ -155,7 +155,7 @@ def test_command__writes_a_geopackage_and_refuses_what_it_cannot(
     assert table["column"].tolist() == [1, 2, 3, 3, 2, 1]
     assert command_line([*least, "--crs=EPSG:25832", "-o", str(file)]) == 4
     for changed, status, code in (
-        ([*least, "--crs=EPSG:25832", "-o", str(tmp_path / "p.dxf")], 2, "plots-format"),
+        ([*least, "--crs=EPSG:25832", "-o", str(tmp_path / "p.dxf")], 2, "usage"),
         ([*least, "--crs=EPSG:4326", "-o", str(tmp_path / "p.gpkg")], 3, "crs-not-projected"),
         ([*least, "--crs=EPSG:1", "-o", str(tmp_path / "p.gpkg")], 3, "crs-unknown"),
         ([*least, "--corner=1;2", "--crs=EPSG:25832", "-o", str(tmp_path / "p.gpkg")], 2, "usage"),

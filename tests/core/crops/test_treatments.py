@@ -119,14 +119,14 @@ def test_damaged_spreadsheets__are_refused(tmp_path: Path) -> None:
 def test_spreadsheets__need_their_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = sheet(tmp_path / "plan.xlsx", PLAN)
     monkeypatch.setitem(sys.modules, "python_calamine", None)
-    with pytest.raises(InputError, match="python-calamine, which is not installed") as refused:
+    with pytest.raises(InputError, match="package python-calamine is not installed") as refused:
         read_treatments(file, DAY)
     assert refused.value.code == "extra-missing"
 
 
 def test_sample__has_seven_rates_in_four_blocks(shared_data: Path) -> None:
     folder = shared_data / "uav_wheat"
-    parcels = read_parcels(folder / "parcels.geojson", CRS.from_epsg(25832), (1.00, 0.11))
+    parcels = read_parcels(folder / "parcels.geojson", CRS.from_epsg(25832), (1.00, 0.11))[0]
     done, notices = with_treatments(parcels, read_treatments(folder / "treatments.csv"))
     assert not notices
     assert {parcel.attributes["n_kg_ha"] for parcel in done} == {0.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0}

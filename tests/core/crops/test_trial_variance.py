@@ -118,7 +118,7 @@ def test_variance__without_anything_left_over_is_none() -> None:
 
 def test_variance__needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "statsmodels.formula.api", None)
-    with pytest.raises(InputError, match="statsmodels, which is not installed") as refused:
+    with pytest.raises(InputError, match="package statsmodels is not installed") as refused:
         analysis_of_variance(heights(1), TrialFactors({"treatment": NAMES}))
     assert refused.value.code == "extra-missing"
 

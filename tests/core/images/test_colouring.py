@@ -11,7 +11,6 @@ import pytest
 from furrowmap.core.images import colouring
 from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, Colours
 from furrowmap.core.images.image_frames import Frames, frames_along
-from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images
@@ -36,11 +35,11 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Frames:
 
 @pytest.fixture(scope="module")
 def colours(frames: Frames) -> Colours:
-    maker, notices = ColourMaker(frames, ORIGIN_M), list[Notice]()
+    maker = ColourMaker(frames, ORIGIN_M)
     for part in np.array_split(np.concatenate(cloud()), 7):
         maker.add(part)
-    made = maker.finish(notices)
-    assert notices == []
+    made = maker.finish()
+    assert made.pixels.notices == ()
     return made
 
 
@@ -128,7 +127,7 @@ def test_large_images__are_reduced(frames: Frames, monkeypatch: pytest.MonkeyPat
     maker = ColourMaker(frames, ORIGIN_M)
     ground, board = cloud()
     maker.add(np.concatenate([ground, board]))
-    reduced = maker.finish([])
+    reduced = maker.finish()
     assert (reduced.pixels.reduction, reduced.pixels.rgb.shape) == (2, (8, 75, 100, 3))
     rgb, frame = reduced.of_points(ground, np.full(len(ground), np.nan))
     beside = (frame != NO_FRAME) & (np.abs(ground[:, 0]) > 2.0)
@@ -143,12 +142,13 @@ def test_images__that_cannot_be_read_are_counted_and_left_out(frames: Frames, tm
 
     Image.new("RGB", (20, 15)).save(small)
     damaged = replace(frames, paths=(cut, small, *frames.paths[2:]))
-    maker, notices = ColourMaker(damaged, ORIGIN_M), list[Notice]()
+    maker = ColourMaker(damaged, ORIGIN_M)
     ground, board = cloud()
     maker.add(np.concatenate([ground, board]))
-    colours = maker.finish(notices)
-    assert [notice.code for notice in notices] == ["images-not-decoded"]
-    assert "2 of 8 images" in notices[0].text
+    colours = maker.finish()
+    (notice,) = colours.pixels.notices
+    assert notice.code == "images-not-decoded"
+    assert "2 of 8 images" in notice.text
     _, frame = colours.of_points(ground, np.full(len(ground), np.nan))
     assert not np.isin(frame, (0, 1)).any()
     assert (frame != NO_FRAME).mean() > 0.6
@@ -158,14 +158,13 @@ def test_frames__outside_the_trajectory_are_counted(frames: Frames) -> None:
     trajectory = trajectory_from_attitude(
         np.array([0.0, 10.0]), np.array([[0.0, 0.0, 6.0], [10.0, 0.0, 6.0]]), 0.0, 0.0, 90.0, max_gap_s=20.0
     )
-    notices: list[Notice] = []
     camera = Camera(200, 150, 165.0, 165.0, 101.0, 74.0)
     images = Images.sorted([Path(f"{k}.jpg") for k in range(4)], np.array([-1.0, 1.0, 2.0, 11.0]))
-    found = frames_along(images, camera, trajectory, 1.0, notices)
+    found, notices = frames_along(images, camera, trajectory, 1.0)
     assert found is not None
     assert [path.name for path in found.paths] == ["1.jpg", "2.jpg"]
     assert [notice.code for notice in notices] == ["images-without-pose"]
     assert "2 of 4 images" in notices[0].text
-    assert frames_along(images.earlier_by(1000.0), camera, trajectory, 1.0, notices) is None
+    assert frames_along(images.earlier_by(1000.0), camera, trajectory, 1.0)[0] is None
     assert len(frames.selected([1, 3])) == 2
     assert frames.poses.xyz_m[0, 2] - ORIGIN_M[2] == HEIGHT_M

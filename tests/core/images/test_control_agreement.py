@@ -54,10 +54,10 @@ def moved(control: ControlPoints, by_m: dict[int, tuple[float, float, float]]) -
     return replace(control, xyz_m=xyz_m)
 
 
-def controlled(seed: int, control: ControlPoints) -> tuple[ControlledBlock, list[Notice]]:
+def controlled(seed: int, control: ControlPoints) -> tuple[ControlledBlock, tuple[Notice, ...]]:
     flight, adjusted = flown(seed)
-    notices: list[Notice] = []
-    return with_control(flight.block, adjusted, control, Images.sorted(PATHS, T_S), notices), notices
+    block = with_control(flight.block, adjusted, control, Images.sorted(PATHS, T_S))
+    return block, block.notices
 
 
 def error_m(seed: int, block: ControlledBlock) -> float:
@@ -84,7 +84,7 @@ def test_places_that_images_show__scatter_as_their_covariance_says() -> None:
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_right_points__all_take_part(seed: int) -> None:
     block, notices = controlled(seed, surveyed(seed))
-    assert notices == []
+    assert notices == ()
     assert (block.known.name, block.left_out) == (tuple("ABCDE"), ())
     assert error_m(seed, block) < 0.02
 

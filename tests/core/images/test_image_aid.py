@@ -89,15 +89,12 @@ def surveyed() -> ControlPoints:
 
 @pytest.fixture(scope="module")
 def aided(images: Images) -> tuple[Located, ImageAid]:
-    notices: list[Notice] = []
     stages: list[tuple[str, float]] = []
-    after, aid = aid_by_images(
-        located(), images, small(STATED), SCALE, surveyed(), notices, lambda *stage: stages.append(stage)
-    )
-    assert notices == []
-    assert aid is not None
+    found = aid_by_images(located(), images, small(STATED), SCALE, surveyed(), lambda *stage: stages.append(stage))
+    assert found.notices == ()
+    assert found.aid is not None
     assert {("finding features", 1.0), ("matching images", 1.0), ("adjusting images", 1.0)} <= set(stages)
-    return after, aid
+    return found.located, found.aid
 
 
 def off_m(place: Located) -> FloatArray:
@@ -159,11 +156,11 @@ def test_figures__are_those_of_the_scene(aided: tuple[Located, ImageAid]) -> Non
 
 
 def test_a_camera_that_looks_up__is_a_contradiction(images: Images) -> None:
-    notices: list[Notice] = []
     up = replace(small(STATED), rpy_deg=(0.0, 0.0, -90.0))
     few = Images.sorted(list(images.paths[:4]), T_S[:4])
     before = located()
-    assert aid_by_images(before, few, up, SCALE, None, notices, silent) == (before, None)
-    (notice,) = notices
+    found = aid_by_images(before, few, up, SCALE, None, silent)
+    assert (found.located, found.aid) == (before, None)
+    (notice,) = found.notices
     assert notice.code == "images-contradict"
     assert "behind the camera. Check [camera] rpy_deg" in notice.text

@@ -54,24 +54,24 @@ def test_colours__of_soil_are_those_of_a_frame_that_was_held_out(shared_data: Pa
     folder = shared_data / "uav_wheat"
     opened = open_session(folder / "session.toml")
     table = np.genfromtxt(folder / "truth" / "trajectory.csv", delimiter=",", names=True)
-    images = opened.images([])
+    images, _ = opened.images()
     images = images.chosen(np.arange(FIRST, FIRST + 3))
     near = np.abs(table["time_unix_s"] - images.t_s[1]) < 2.0
     t_s, e, n, h, roll, pitch, heading = (table[name][near] for name in table.dtype.names)
     truth = trajectory_from_attitude(t_s, np.column_stack([e, n, h]), roll, pitch, heading, max_gap_s=0.1)
     camera = replace(opened.camera(), rpy_deg=TRUE_RPY_DEG, shutter_delay_s=DELAY_S)
-    frames = frames_along(images, camera, truth, ground_scale(opened.frame, truth), [])
+    frames, _ = frames_along(images, camera, truth, ground_scale(opened.frame, truth))
     assert frames is not None
     about = np.round(frames.poses.xyz_m[HELD]) - [0.0, 0.0, 6.0]
     xyz, bare = ground(folder, about)
     maker = ColourMaker(frames.selected(list(SEEN)), tuple(about.tolist()))
     maker.add(xyz)
-    rgb, frame = maker.finish([]).of_points(xyz, np.full(len(xyz), images.t_s[HELD]))
+    rgb, frame = maker.finish().of_points(xyz, np.full(len(xyz), images.t_s[HELD]))
     pixel = project(camera, frames.poses.in_frame(HELD, xyz + about))
     use = bare & np.isfinite(pixel[:, 0]) & (frame != NO_FRAME)
     use[use] &= inside(camera, pixel[use])
     assert use.sum() > 3000
-    held, given = decode_frames(frames, []).rgb[HELD], rgb[:, use].T / 257.0
+    held, given = decode_frames(frames).rgb[HELD], rgb[:, use].T / 257.0
     square = ((pixel[use] - 0.5 * np.array([799, 599])) ** 2).sum(axis=1) / (400.0**2 + 300.0**2)
     design = np.column_stack([np.ones(len(square)), square, square**2])
 

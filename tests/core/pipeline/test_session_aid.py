@@ -18,6 +18,7 @@ from furrowmap.core.images.block_adjustment import (
 )
 from furrowmap.core.images.control_points import ControlPoints, control_views
 from furrowmap.core.images.image_aiding import (
+    AidedTrajectory,
     ControlledBlock,
     aid_by_images,
     camera_notices,
@@ -49,11 +50,10 @@ def located() -> Located:
 
 
 def told(images: Images, place: Located) -> str:
-    notices: list[Notice] = []
-    after, aid = aid_by_images(place, images, STATED, SCALE, None, notices, silent)
-    assert aid is None
-    assert after is place
-    return " | ".join(f"{notice.code}: {notice.text}" for notice in notices)
+    found = aid_by_images(place, images, STATED, SCALE, None, silent)
+    assert found.aid is None
+    assert found.located is place
+    return " | ".join(f"{notice.code}: {notice.text}" for notice in found.notices)
 
 
 def test_blank_damaged_and_small_images__leave_the_trajectory_as_it_was(tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_pairs__are_images_of_the_same_ground() -> None:
 def test_pixels_of_control_points__are_read_or_refused(tmp_path: Path) -> None:
     table = tmp_path / "pixels.csv"
     table.write_text("file,name,u,v\nimages/a.jpg,C1,10.5,20\nb.jpg,C2,3,4\n")
-    assert read_pixels(table, ("C2", "C1"), []) == (("a.jpg", 1, 10.5, 20.0), ("b.jpg", 0, 3.0, 4.0))
+    assert read_pixels(table, ("C2", "C1"))[0] == (("a.jpg", 1, 10.5, 20.0), ("b.jpg", 0, 3.0, 4.0))
     for text, why in (
         ("file,name\na,b\n", "no columns u, v"),
         ("file,name,u,v\na,C9,1,2\n", "line 2 names 'C9'"),
@@ -91,10 +91,10 @@ def test_pixels_of_control_points__are_read_or_refused(tmp_path: Path) -> None:
     ):
         table.write_text(text)
         with pytest.raises(InputError, match=why) as refused:
-            read_pixels(table, ("C1",), [])
+            read_pixels(table, ("C1",))
         assert refused.value.code == "control-pixels-unreadable"
     with pytest.raises(InputError, match="No such file") as refused:
-        read_pixels(tmp_path / "lost.csv", ("C1",), [])
+        read_pixels(tmp_path / "lost.csv", ("C1",))
     assert refused.value.code == "control-pixels-unreadable"
 
 
@@ -115,10 +115,9 @@ def test_views_of_control_points__that_disagree_are_left_out() -> None:
     assert (known.sigma_m == 0.005).all()
     alone = replace(points, seen=(rows[0],))
     assert control_views(alone, flight.block, adjusted, paths) is None
-    notices: list[Notice] = []
-    images = Images.sorted(paths, T_S)
-    assert with_control(flight.block, adjusted, alone, images, notices) == ControlledBlock(adjusted)
-    assert [notice.code for notice in notices] == ["control-points-unseen"]
+    found = with_control(flight.block, adjusted, alone, Images.sorted(paths, T_S))
+    assert found == ControlledBlock(adjusted, notices=found.notices)
+    assert [notice.code for notice in found.notices] == ["control-points-unseen"]
 
 
 @pytest.mark.parametrize(
@@ -187,10 +186,10 @@ def test_mounting_and_intrinsics_that_are_off__are_told() -> None:
 def test_session__without_the_extra_goes_on_without_images(monkeypatch: pytest.MonkeyPatch, shared_data: Path) -> None:
     opened = open_session(shared_data / "uav_wheat" / "session.toml")
     monkeypatch.setattr(session_aid, "find_spec", lambda name: None if name == "cv2" else name)
-    notices: list[Notice] = []
     place = located()
-    assert session_aid.aid_session(opened, place, SCALE, notices, silent) == (place, None)
-    (notice,) = notices
+    found = session_aid.aid_session(opened, place, SCALE, silent)
+    assert (found.located, found.aid) == (place, None)
+    (notice,) = found.notices
     assert 'pip install ".[photo]"' in notice.text
 
 
@@ -225,18 +224,20 @@ def session_of(folder: Path, more: str) -> OpenSession:
 
 
 def test_control_points__of_a_session_are_read_before_images_are_looked_at(tmp_path: Path) -> None:
-    place, notices = located(), list[Notice]()
+    place = located()
     opened = session_of(tmp_path, 'control_points = "points.csv"\n')
-    assert session_aid.aid_session(opened, place, SCALE, notices, silent) == (place, None)
-    assert "there are 0 that can be read" in notices[-1].text
+    found = session_aid.aid_session(opened, place, SCALE, silent)
+    assert (found.located, found.aid) == (place, None)
+    assert "there are 0 that can be read" in found.notices[-1].text
     opened = session_of(tmp_path, 'control_points = "points.csv"\ncontrol_pixels = "pixels.csv"\n')
     with pytest.raises(InputError, match="'C9', which is none of the control points"):
-        session_aid.aid_session(opened, place, SCALE, [], silent)
+        session_aid.aid_session(opened, place, SCALE, silent)
     (tmp_path / "pixels.csv").write_text("file,name,u,v\n0.png,C1,1,2\n")
-    assert session_aid.aid_session(opened, place, SCALE, [], silent) == (place, None)
+    found = session_aid.aid_session(opened, place, SCALE, silent)
+    assert (found.located, found.aid) == (place, None)
     (tmp_path / "points.csv").write_text("nothing\n")
     with pytest.raises(InputError, match=r"points\.csv"):
-        session_aid.aid_session(opened, place, SCALE, [], silent)
+        session_aid.aid_session(opened, place, SCALE, silent)
 
 
 @pytest.mark.parametrize("more", ["aid = false\n", None])
@@ -245,6 +246,5 @@ def test_images__that_are_not_to_aid_or_not_there_leave_no_word(more: str | None
     if more is None:
         (tmp_path / "session.toml").write_text(SESSION.split("[camera]")[0], encoding="utf-8")
         opened = open_session(tmp_path / "session.toml")
-    place, notices = located(), list[Notice]()
-    assert session_aid.aid_session(opened, place, SCALE, notices, silent) == (place, None)
-    assert notices == []
+    place = located()
+    assert session_aid.aid_session(opened, place, SCALE, silent) == AidedTrajectory(place, None, ())

@@ -24,7 +24,7 @@ FIELD = shapely.Polygon(
 
 def read_boundary(path: Path) -> shapely.Geometry:
     """All fields of a file as one."""
-    return shapely.union_all([field.outline for field in read_fields(path)])
+    return shapely.union_all([field.outline for field in read_fields(path)[0]])
 
 
 def test_geojson__is_read_with_its_holes_as_longitude_and_latitude(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_a_ring_that_crosses_itself__is_the_ground_on_both_sides(tmp_path: Path)
 def test_names__are_the_attributes_of_a_feature(tmp_path: Path) -> None:
     table = gpd.GeoDataFrame({"name": ["North "], "no": [7], "ha": [1.2], "note": [None]}, geometry=[FIELD], crs=4326)
     table.to_file(tmp_path / "field.gpkg", engine="pyogrio")
-    (field,) = read_fields(tmp_path / "field.gpkg")
+    (field,) = read_fields(tmp_path / "field.gpkg")[0]
     assert field.names == ("North", "7")
 
 
@@ -143,7 +143,7 @@ def test_task_data__has_its_fields_by_name_and_id(tmp_path: Path) -> None:
     text += field.format(1, "Hof", ring)
     (tmp_path / "TASKDATA.XML").write_text(f"{text}</ISO11783_TaskData>")
     for path in (tmp_path, tmp_path / "TASKDATA.XML"):
-        (one,) = read_fields(path)
+        (one,) = read_fields(path)[0]
         assert one.names == ("Hof", "PFD1")
         assert one.outline.equals(shapely.box(8, 50, 8.002, 50.001))
     (tmp_path / "TASKDATA.XML").write_text(text.replace("PLN", "GGP") + "</ISO11783_TaskData>")
@@ -247,7 +247,7 @@ def test_agopengps__a_folder_is_a_field(tmp_path: Path) -> None:
     folder = agopengps_folder(
         tmp_path / "北圃場", "$Boundary\n" + RING + island + island.replace("False", "True\nTrue")
     )
-    (field,) = read_fields(folder)
+    (field,) = read_fields(folder)[0]
     assert field.names == ("北圃場",)
     area, length = Geod(ellps="WGS84").geometry_area_perimeter(shapely.geometry.polygon.orient(field.outline))
     assert area == pytest.approx(100 * 80 - 10 * 8, rel=1e-4)  # the second island is to drive through
@@ -260,7 +260,7 @@ def test_agopengps__metres_per_degree_are_those_of_the_latitude(corner_m: tuple[
     """Against the radii of curvature of the ellipsoid, by which AgOpenGPS's series are made."""
     east_m, north_m = corner_m
     text = f"{east_m},{north_m},0\n{east_m + 100},{north_m},0\n{east_m},{north_m + 100},0\n"
-    (field,) = read_fields(agopengps_folder(tmp_path, "$Boundary\nFalse\n3\n" + text))
+    (field,) = read_fields(agopengps_folder(tmp_path, "$Boundary\nFalse\n3\n" + text))[0]
     lon = 140.02
     lat = 36.87
     squared = 0.00669437999014

@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 from pyproj import CRS
+from pyproj.database import get_units_map
 
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.attitude_csv import AttitudeCsv
-from furrowmap.core.readers.column_names import standard_name
+from furrowmap.core.readers.column_names import standard_name, with_units
+from furrowmap.core.readers.csv_file import head_columns
 from furrowmap.core.readers.image_table import read_image_table
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.source import look
 from furrowmap.core.readers.states_csv import StatesCsv
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import InputError
@@ -117,7 +120,7 @@ def by_corners(folder: Path) -> Any:
 
 
 def by_images(folder: Path) -> Any:
-    return read_image_table(table(folder / "a.csv", "File,File name,time", "a.jpg,b.jpg,2026-05-01"), folder, [])
+    return read_image_table(table(folder / "a.csv", "File,File name,time", "a.jpg,b.jpg,2026-05-01"), folder)
 
 
 @pytest.mark.parametrize(
@@ -137,6 +140,77 @@ def test_heights_in_feet__by_the_name_of_the_column_become_metres(tmp_path: Path
         found = read_points(table(tmp_path / f"{number}.csv", f"name,e_m,n_m,{name}", "A,580000,5700000,300"), MAP)
         assert found.xyz_m[0, 2] == pytest.approx(91.44, abs=2e-4)
         assert [notice.code for notice in found.notices] == ["heights-in-feet"]
+
+
+LENGTHS = {
+    "US survey foot": (
+        "Height (US survey feet)",
+        "Elev [survey ft]",
+        "Height_USft",
+        "Elev ftUS",
+        "Elevation (U.S. ft)",
+    ),
+    "foot": ("Elevation (pieds)", "Höhe (Fuß)", "標高(フィート)", "Altitude (pies)"),
+    "yard": ("h (yd)", "Elevation yards", "Height (ヤード)"),
+    "inch": ("Height (in)", "Elevation [inches]"),
+    "metre": ("Höhe (Meter)", "標高(メートル)", "Altitude [metros]", "Height"),
+    "fathom": ("Height (fathoms)",),
+    "kilometre": ("Height (km)",),
+}
+"""Names of heights by the unit that they state, as PROJ calls it."""
+
+
+@pytest.mark.parametrize(("unit", "name"), [(unit, name) for unit, names in LENGTHS.items() for name in names])
+@pytest.mark.parametrize("below", [False, True])
+def test_units_of_heights__are_those_of_proj_in_the_name_or_in_the_row_below(
+    unit: str, name: str, below: bool, tmp_path: Path
+) -> None:
+    in_name = name.rstrip(")]").replace("[", "(").rpartition("(")[2] if "(" in name or "[" in name else ""
+    if below and not in_name:
+        return
+    title, units = ("Height", [f",m,m,{in_name}"]) if below else (name, [])
+    path = table(tmp_path / "a.csv", f"name,e_m,n_m,{title}", *units, "A,580000,5700000,300")
+    wanted_m = 300.0 * get_units_map(category="linear")[unit].conv_factor
+    assert read_points(path, MAP).xyz_m == pytest.approx(np.array([[580000.0, 5700000.0, wanted_m]]), abs=1e-6)
+
+
+def test_rows_of_units__are_one_at_most_and_dashes_alone_are_none(tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", "name,e_m,n_m,Height", *20_000 * ["m,m,m,m"], "A,580000,5700000,90")
+    found = read_points(path, MAP)
+    assert (found.name, found.xyz_m[0, 2]) == (("A",), 90.0)
+    assert with_units(["plot", "yield"], ["-", "–"]) is None
+    assert with_units(["plot", "yield"], ["-", "m"]) == ["plot", "yield [m]"]
+
+
+def test_a_row_of_units__is_none_where_anything_else_stands_in_it(tmp_path: Path) -> None:
+    names = read_points(table(tmp_path / "a.csv", "name,e_m,n_m,h_m", "m,580000,5700000,90"), MAP).name
+    assert names == ("m",)
+
+
+def test_a_row_of_units__is_read_in_every_table(tmp_path: Path) -> None:
+    """Angular rates need a unit; all others have one that is usual, here another one."""
+    rows = ("1780000000,580000,5700000,90,1,2,3", "1780000001,580001,5700000,90,1,2,3")
+    units = table(tmp_path / "p.csv", "unix,Easting,Northing,Height,Roll,Pitch,Heading", "s,m,m,m,deg,deg,°", *rows)
+    plain = table(tmp_path / "q.csv", "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg", *rows)
+    assert head_columns(look(units)) == head_columns(look(plain))
+    by_units, by_names = (poses(path).poses() for path in (units, plain))
+    for name in ("t_s", "position", "roll_deg", "pitch_deg", "heading_deg"):
+        np.testing.assert_array_equal(getattr(by_units, name), getattr(by_names, name))
+    corners = table(tmp_path / "c.csv", "id,Easting,Northing", ",ft,ft", "A,0,0", "A,9,0", "A,9,9")
+    assert read_area(corners, FEET).polygons[0].area == 40.5
+    states = table(tmp_path / "s.csv", "t,state", "s,", "1780000000,down", "1780000001,up")
+    assert len(StatesCsv([states], ReadOptions()).states()) == 2
+
+
+def test_columns_of_heights__that_differ_are_named(tmp_path: Path) -> None:
+    rows = ["A,580000,5700000,135.2,90.1", "B,580010,5700000,135.3,90.2"]
+    path = table(tmp_path / "a.csv", "name,e_m,n_m,Ellipsoidal height,Elevation (m)", *rows)
+    found = read_points(path, MAP)
+    assert found.xyz_m[:, 2].tolist() == [90.1, 90.2]
+    (notice,) = found.notices
+    assert (notice.key, dict(notice.values)["apart_m"]) == ("points-two-heights.columns", pytest.approx(45.1))
+    above_ellipsoid = CRS.from_epsg(25832).to_3d()
+    assert read_points(path, above_ellipsoid).xyz_m[:, 2].tolist() == [135.2, 135.3]
 
 
 def test_standard_deviations__have_the_unit_of_their_column(tmp_path: Path) -> None:

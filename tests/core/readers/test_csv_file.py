@@ -11,7 +11,7 @@ import pytest
 
 from furrowmap.core.readers import csv_file
 from furrowmap.core.readers.csv_file import Column, CsvFile
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError
 
 SCHEMA = [Column({name: 1.0}, sparse=True) for name in "abc"]
 ROWS = {
@@ -26,7 +26,7 @@ ROWS = {
 
 
 def rows_of(path: Path) -> np.ndarray:
-    with CsvFile(path, []) as file:
+    with CsvFile(path) as file:
         return np.concatenate(list(file.pieces(SCHEMA)))
 
 
@@ -58,8 +58,7 @@ def test_a_field_that_is_no_number__is_named_with_its_line(row: str, name: str, 
 
 def test_a_row_without_a_field_that_must_be_there__is_dropped_with_a_notice(tmp_path: Path) -> None:
     (tmp_path / "x.csv").write_text("a,b,c\n1,2,3\n4,,6\n7\n8,9,10\n")
-    notices: list[Notice] = []
-    with CsvFile(tmp_path / "x.csv", notices) as file:
+    with CsvFile(tmp_path / "x.csv") as file:
         rows = file.rows([Column({"a": 1.0}), Column({"b": 2.0}), Column({"c": 1.0}, sparse=True)])
     np.testing.assert_array_equal(rows, [[1.0, 4.0, 3.0], [8.0, 18.0, 10.0]])
-    assert [notice.code for notice in notices] == ["rows-incomplete"]
+    assert [notice.code for notice in file.notices] == ["rows-incomplete"]

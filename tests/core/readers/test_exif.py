@@ -28,8 +28,7 @@ def read(folder: Path, exif: dict[int, Any], gps: dict[int, Any], **other: Any) 
     if "modified" in other:
         tags[MODIFIED] = other["modified"]
     image.save(folder / "a.jpg", exif=tags)
-    notices: list[Notice] = []
-    return exif_images([folder / "a.jpg"], notices), notices
+    return exif_images([folder / "a.jpg"])
 
 
 def satellites(hours: float, minutes: float, seconds: float, day: str = "2026:05:23") -> dict[int, Any]:

@@ -11,7 +11,6 @@ from PIL import Image
 
 from furrowmap.core.readers.exif import exif_images
 from furrowmap.core.readers.exposure_marks import read_marks
-from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.images import Images
 
 EXIF = 0x8769
@@ -41,8 +40,7 @@ def image(path: Path, taken: dt.datetime | str | None) -> Path:
 
 
 def read(paths: list[Path]) -> tuple[Images, dict[str, str]]:
-    notices: list[Notice] = []
-    images = exif_images(paths, notices)
+    images, notices = exif_images(paths)
     return images, {notice.key: notice.text for notice in notices}
 
 

@@ -57,7 +57,7 @@ def read_raster(path: Path) -> object:
 
 READS: tuple[Read, ...] = (
     read_fields,
-    lambda path: read_parcels(path, MAP),
+    lambda path: read_parcels(path, MAP)[0],
     lambda path: read_area(path, MAP),
     lambda path: read_points(path, MAP),
     list_layers,
@@ -119,7 +119,7 @@ def test_promise_23__a_text_of_another_driver_within_valid_geojson_opens_nothing
             "geometry": {"type": "Polygon", "coordinates": [ring]},
         }
         path.write_text(json.dumps({text: 1, "type": "FeatureCollection", "features": [feature]}))
-        assert len(read_fields(path)) == 1
+        assert len(read_fields(path)[0]) == 1
         read_all(path)
         assert not bait.taken()
 
@@ -166,7 +166,7 @@ def test_promise_23__a_geopackage_that_computes_is_refused(says: str, tmp_path: 
 
 def test_a_geopackage__with_a_plain_stored_query_is_read(tmp_path: Path) -> None:
     path = geopackage(tmp_path / "fields.gpkg", "CREATE VIEW some AS SELECT * FROM fields WHERE id = 'P1'")
-    assert [one.id for one in read_parcels(path, MAP)] == ["P0", "P1", "P2"]
+    assert [one.id for one in read_parcels(path, MAP)[0]] == ["P0", "P1", "P2"]
 
 
 def test_promise_23__pages_that_are_used_twice_are_refused(tmp_path: Path) -> None:
@@ -210,7 +210,7 @@ def test_promise_23__a_journal_that_names_another_file_is_not_rolled_back(tmp_pa
 
 def test_promise_23__parts_of_a_shapefile_lie_in_its_folder(bait: Bait, tmp_path: Path) -> None:
     gpd.GeoDataFrame({"id": ["A"]}, geometry=[box(0, 0, 9, 9)], crs=MAP).to_file(tmp_path / "fields.shp")
-    assert [one.id for one in read_parcels(tmp_path / "fields.shp", MAP)] == ["A"]
+    assert [one.id for one in read_parcels(tmp_path / "fields.shp", MAP)[0]] == ["A"]
     for end in (".prj", ".dbf", ".shx"):
         folder = tmp_path / f"of{end}"
         folder.mkdir()

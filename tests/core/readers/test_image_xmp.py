@@ -11,7 +11,6 @@ from PIL import Image, PngImagePlugin, TiffImagePlugin
 
 from furrowmap.core.readers.exif import exif_images
 from furrowmap.core.readers.image_xmp import MAX_XMP_BYTES, NOTHING, exposure_xmp
-from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.images import Images
 from tests.core.readers.test_exposure_marks import EXIF, FIRST, TAKEN, line
 
@@ -68,8 +67,7 @@ def image(path: Path, packet: bytes, after_s: int | None = 0) -> Path:
 
 
 def read(paths: list[Path]) -> tuple[Images, dict[str, str]]:
-    notices: list[Notice] = []
-    images = exif_images(paths, notices)
+    images, notices = exif_images(paths)
     return images, {notice.key: notice.text for notice in notices}
 
 

@@ -18,7 +18,7 @@ HEAD = "time_unix_s,roll_deg,pitch_deg,yaw_deg"
 
 def read(folder: Path, *rows: str, head: str = HEAD) -> MountMotion:
     (folder / "mount.csv").write_text("\n".join([head, *rows, ""]))
-    return read_mount(folder / "mount.csv", T0, [])
+    return read_mount(folder / "mount.csv", T0)[0]
 
 
 def refusal(folder: Path, *rows: str) -> str:

@@ -15,6 +15,7 @@ import pytest
 import rasterio
 from numpy.typing import NDArray
 from pyproj import CRS
+from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
 from furrowmap.cli.main import command_line
@@ -22,7 +23,7 @@ from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.crops.site_soil import open_soil_raster
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.farm.surface_file import open_surface, surface_file
+from furrowmap.exporters.farm.surface_file import height_surface, open_surface, unusable
 from furrowmap.exporters.farm.surface_mosaic import write_mosaic
 from furrowmap.exporters.rasters.tied_surfaces import resample_surface
 from furrowmap.results import read_raster
@@ -50,7 +51,7 @@ def write(path: Path, transform: Affine = SOUND, **stated: Any) -> Path:
     column, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
     a, b, c, d, e, f = transform[:6]
     heights = plane_m(a * column + b * row + c, d * column + e * row + f)
-    numbers = (heights / unit_m - offset) / scale
+    numbers = (heights / unit_m - offset) / (scale or 1.0)
     numbers = np.rint(numbers) if kind.kind in "iu" else numbers
     for hole, corner in zip(stated.get("holes", ()), (np.s_[:4, :4], np.s_[-4:, -4:]), strict=False):
         numbers[corner] = hole
@@ -113,14 +114,14 @@ def by_finer_mosaic(path: Path, at: NDArray[np.float64]) -> Found:
 
 
 def by_surface(path: Path, at: NDArray[np.float64]) -> Found:
-    file = surface_file(path)
+    file = height_surface(path, unusable)
     assert file.grid is not None
     with open_surface(file) as surface:
         return sampled(surface.read(file.grid), file.grid, at), file.scale.notices
 
 
 def by_reference_of_tie(path: Path, at: NDArray[np.float64]) -> Found:
-    file = surface_file(path)
+    file = height_surface(path, unusable)
     grid = Grid.of_bounds(0.4, file.bounds_m)
     with resample_surface(file, grid) as surface:
         return sampled(surface.read(grid), grid, at), file.scale.notices
@@ -143,6 +144,8 @@ WAYS: Mapping[str, Callable[[Path, NDArray[np.float64]], Found]] = {
     "tie --reference": by_reference_of_tie,
     "read_raster": by_python,
 }
+OF_HEIGHTS = (by_check, by_soil, by_surface, by_reference_of_tie)
+"""What takes heights alone; a mosaic may be of anything."""
 SCALES: Mapping[str, dict[str, Any]] = {
     "plain": {},
     "centimetres by scale": {"scale": 0.01, "dtype": "uint16"},
@@ -238,6 +241,78 @@ def test_such_numbers_near_the_others__are_heights(tmp_path: Path, way: str) -> 
     assert notices == ()
 
 
+def plain_with(path: Path, **stated: Any) -> Path:
+    """The plain raster with tags, a mask or an alpha band that leave out a corner, which has another height."""
+    with rasterio.open(write(path.with_name("plain.tif"))) as plain:
+        heights = plain.read()
+        profile = {**plain.profile, "count": 2 if stated.get("alpha") else 1}
+    shown = np.full((SIDE, SIDE), 255, np.uint8)
+    if stated.keys() & {"mask", "alpha"}:
+        shown[:4, :4] = 0
+        heights[0, :4, :4] = 12.0
+    if stated.get("numbers"):
+        heights = stated["numbers"](heights)
+        profile["dtype"] = heights.dtype.name
+    if stated.get("beside"):
+        del profile["transform"]
+    with (
+        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=stated.get("mask") == "inside"),
+        rasterio.open(path, "w", **profile) as out,
+    ):
+        out.update_tags(**stated.get("tags", {}))
+        out.write(heights[0], 1)
+        if stated.get("mask"):
+            out.write_mask(shown)
+        if stated.get("alpha"):
+            out.write(shown.astype("float32"), 2)
+            out.colorinterp = (ColorInterp.gray, ColorInterp.alpha)
+    if stated.get("pam"):
+        band = f'<PAMRasterBand band="1">{stated["pam"]}</PAMRasterBand>'
+        path.with_name(f"{path.name}.aux.xml").write_text(f"<PAMDataset>{band}</PAMDataset>")
+    if stated.get("beside"):
+        middle = (EAST_M + 0.5 * CELL_M, NORTH_M - 0.5 * CELL_M)
+        path.with_suffix(".tfw").write_text("\n".join(map(str, (CELL_M, 0.0, 0.0, -CELL_M, *middle))))
+    return path
+
+
+FORMS: Mapping[str, Callable[[Path], Path]] = {
+    "cells named by their middles": lambda path: plain_with(path, tags={"AREA_OR_POINT": "Point"}),
+    "a mask in the file": lambda path: plain_with(path, mask="inside"),
+    "a mask beside the file": lambda path: plain_with(path, mask="beside"),
+    "a band of transparency": lambda path: plain_with(path, alpha=True),
+    "scale and offset beside the file": lambda path: plain_with(
+        path,
+        pam="<Offset>50</Offset><Scale>0.01</Scale>",
+        numbers=lambda h: np.rint((h - 50.0) * 100.0).astype("int32"),
+    ),
+    "unit beside the file": lambda path: plain_with(
+        path, pam="<UnitType>ft</UnitType>", numbers=lambda h: h / np.float32(FEET)
+    ),
+    "a world file": lambda path: plain_with(path, beside=True),
+    "a negative scale": lambda path: write(path, scale=-1.0),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("form", FORMS)
+def test_what_stands_elsewhere_in_files__is_heeded(tmp_path: Path, form: str, way: str) -> None:
+    expect_plane(WAYS[way](FORMS[form](tmp_path / "a.tif"), PLACES)[0])
+
+
+REFUSED: Mapping[str, Callable[[Path], Path]] = {
+    "a scale of 0": lambda path: write(path, scale=0.0),
+    "a scale that is no number": lambda path: write(path, scale=math.nan),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("stated", REFUSED)
+def test_scales_that_are_none__are_refused(tmp_path: Path, stated: str, way: str) -> None:
+    with pytest.raises(InputError, match="states the scale") as refused:
+        WAYS[way](REFUSED[stated](tmp_path / "a.tif"), PLACES)
+    assert len(str(refused.value).splitlines()) == 3
+
+
 TURNED = {
     "rotated by 30°": SOUND * Affine.translation(-10, 10) * Affine.rotation(-30.0),
     "rotated by 90°": Affine(0.0, CELL_M, EAST_M, CELL_M, 0.0, NORTH_M - SIDE * CELL_M),
@@ -294,7 +369,7 @@ def test_two_units__are_told_and_that_of_the_band_counts(tmp_path: Path) -> None
 @pytest.mark.parametrize("unit", ["percent", "degree", "dB"])
 def test_units_that_are_none_of_length__are_refused(tmp_path: Path, unit: str) -> None:
     path = write(tmp_path / "a.tif", unit=unit)
-    for way in (by_check, by_soil):
+    for way in OF_HEIGHTS:
         with pytest.raises(InputError, match="no known unit of length"):
             way(path, PLACES)
 
@@ -317,7 +392,7 @@ def test_rasters_whose_first_band_is_something_else__are_refused(
         raster.write(np.full((count, SIDE, SIDE), 7, profile["dtype"]))
         if names:
             raster.descriptions = names
-    for by in (by_check, by_soil):
+    for by in OF_HEIGHTS:
         with pytest.raises(InputError, match=re.escape(why)) as refused:
             by(path, PLACES)
         assert len(str(refused.value).splitlines()) == 3

@@ -163,10 +163,9 @@ def test_session__has_images_and_camera_of_a_topic(tmp_path: Path) -> None:
         f'topic = "{TOPIC}"\nevery_s = 0.2\nminus_gnss_s = 2.0\nrpy_deg = [180.0, 0.0, -90.0]\nshutter_delay_s = 0.01\n'
     )
     opened = open_session(session(tmp_path, text))
-    notices: list[Any] = []
-    images = opened.images(notices)
+    images, notices = opened.images()
     assert images.t_s - T0_S == pytest.approx([-2.0, -1.8], abs=1e-6)
-    assert opened.images(notices).paths == images.paths
+    assert opened.images()[0].paths == images.paths
     assert [notice.code for notice in notices] == ["images-left-out"]
     camera = opened.camera()
     assert (camera.fx, camera.rpy_deg, camera.shutter_delay_s) == (30.0, (180.0, 0.0, -90.0), 0.01)
@@ -193,7 +192,7 @@ def test_session__with_keys_that_do_not_go_together_is_refused(tmp_path: Path, c
 def test_session__names_a_topic_that_the_bag_does_not_have(tmp_path: Path) -> None:
     opened = open_session(session(tmp_path, 'topic = "/nothing"\n'))
     with pytest.raises(InputError, match=r"no topic /nothing with images .topics: /camera/image_raw"):
-        opened.images([])
+        opened.images()
 
 
 @pytest.mark.parametrize(("at", "name"), [(0, "fx"), (4, "fy")])

@@ -110,8 +110,7 @@ def test_tables__of_all_kinds_read_names_as_they_are(text: str, page: str, told:
     treatments = read_treatments(table(tmp_path, f"id,treatment\n1,{text}\n", page))
     assert (treatments.rows["1"]["treatment"], codes(treatments.notices)) == (text, told)
     corners = "".join(f"{text},{x},{y}\n" for x, y in ((0, 0), (9, 0), (9, 9)))
-    notices: list[Notice] = []
-    parcels = read_parcels(table(tmp_path, f"id,e_m,n_m\n{corners}", page), UTM, notices=notices)
+    parcels, notices = read_parcels(table(tmp_path, f"id,e_m,n_m\n{corners}", page), UTM)
     assert (parcels[0].id, codes(tuple(notices))) == (text, told if page != "utf-16" else [])
 
 
@@ -163,8 +162,7 @@ def shapefile(folder: Path, names: list[str], page: str, language: int = 0, cpg:
 def test_shapefiles__with_and_without_a_stated_code_page(
     names: list[str], page: str, language: int, cpg: str | None, told: list[str], tmp_path: Path
 ) -> None:
-    notices: list[Notice] = []
-    parcels = read_parcels(shapefile(tmp_path, names, page, language, cpg), UTM, notices=notices)
+    parcels, notices = read_parcels(shapefile(tmp_path, names, page, language, cpg), UTM)
     assert [parcel.id for parcel in parcels] == names
     assert [notice.code for notice in notices] == told
 
@@ -175,7 +173,7 @@ def test_shapefile__in_no_known_code_page_is_said(tmp_path: Path) -> None:
 
 
 def test_sample__of_a_japanese_shapefile(shared_data: Path) -> None:
-    parcels = read_parcels(shared_data / "foreign/11-shapefile-cp932/plots.shp", UTM)
+    parcels = read_parcels(shared_data / "foreign/11-shapefile-cp932/plots.shp", UTM)[0]
     assert [parcel.id for parcel in parcels] == ["圃場1", "圃場2"]
 
 
@@ -183,7 +181,7 @@ def test_sample__of_a_japanese_shapefile(shared_data: Path) -> None:
 def test_separator_line__is_skipped(first: str, tmp_path: Path) -> None:
     points = read_points(table(tmp_path, f"{first}name;e_m;n_m;h_m\nP0;1,5;2,25;3,125\nP1;1;2;x\n", "utf-8"), UTM)
     assert points.xyz_m.tolist() == [[1.5, 2.25, 3.125]]
-    parcels = read_parcels(table(tmp_path, f"{first}id;e_m;n_m\na;0;0\na;9,5;0\na;9,5;9\n", "utf-8"), UTM)
+    parcels = read_parcels(table(tmp_path, f"{first}id;e_m;n_m\na;0;0\na;9,5;0\na;9,5;9\n", "utf-8"), UTM)[0]
     assert parcels[0].gross.area == pytest.approx(42.75)
 
 

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from furrowmap.core.runtime import file_names
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.session_camera import camera_of, images_of
 from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.values.session import CameraSource
@@ -68,9 +68,8 @@ def test_table__has_times_in_each_scale(tmp_path: Path, column: str, rows: list[
     # In any order; a third image is missing, and a row has no time.
     text = f"file,{column}\n1.jpg,{rows[1]}\n0.jpg,{rows[0]}\nlost.jpg,{rows[0]}\n1.jpg,\n{'x' * 300}.jpg,{rows[0]}\n"
     (tmp_path / "images.csv").write_text(text, encoding="utf-8")
-    notices: list[Notice] = []
     source = CameraSource(table="images.csv", minus_gnss_s=2.0)
-    images = images_of(tmp_path / "session.toml", source, notices)
+    images, notices = images_of(tmp_path / "session.toml", source)
     assert [path.name for path in images.paths] == ["0.jpg", "1.jpg"]
     assert images.t_s == pytest.approx([TAKEN_S - 2.0, TAKEN_S - 0.5], abs=1e-6)
     assert [notice.code for notice in notices] == ["rows-incomplete", "images-missing"]
@@ -90,7 +89,7 @@ def test_table__has_times_in_each_scale(tmp_path: Path, column: str, rows: list[
 def test_table__that_cannot_be_used_is_refused(tmp_path: Path, text: str, code: str) -> None:
     (tmp_path / "images.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as refused:
-        images_of(tmp_path / "session.toml", CameraSource(table="images.csv"), [])
+        images_of(tmp_path / "session.toml", CameraSource(table="images.csv"))
     assert refused.value.code == code
 
 
@@ -100,7 +99,7 @@ def test_table__larger_than_any_is_refused(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(image_table, "MAX_TABLE_BYTES", 10)
     (tmp_path / "images.csv").write_text("file,time_unix_s\n", encoding="utf-8")
     with pytest.raises(InputError) as refused:
-        images_of(tmp_path / "session.toml", CameraSource(table="images.csv"), [])
+        images_of(tmp_path / "session.toml", CameraSource(table="images.csv"))
     assert refused.value.code == "not-a-table"
 
 
@@ -124,8 +123,7 @@ def test_exif__has_times_in_their_zone_and_positions(tmp_path: Path) -> None:
     photo(tmp_path / "4_satellites.jpg", None, None, {7: (9.0, 41.0, 20.0), 29: "2026:05:23"})
     photo(tmp_path / "5_none.jpg", None)
     (tmp_path / "6_damaged.jpg").write_bytes(b"\xff\xd8\xff\xe0 no image")
-    notices: list[Notice] = []
-    images = images_of(tmp_path / "session.toml", CameraSource(files=("*.jpg", "1_zone.jpg")), notices)
+    images, notices = images_of(tmp_path / "session.toml", CameraSource(files=("*.jpg", "1_zone.jpg")))
     assert images.t_s - TAKEN_S == pytest.approx([0.25, 1.25, 2.25, 8.0])
     assert images.lon_lat_h[0] == pytest.approx([-(11 + 23 / 60 + 6 / 3600), 55 + 20 / 60 + 30 / 3600, -12.5])
     assert np.isnan(images.lon_lat_h[1:]).all()
@@ -139,7 +137,7 @@ def test_images__outside_the_folder_of_the_session_are_refused(tmp_path: Path, s
     (tmp_path / "images.csv").write_text("file,time_unix_s\n", encoding="utf-8")
     (tmp_path / "session").mkdir()
     with pytest.raises(InputError) as refused:
-        images_of(tmp_path / "session" / "session.toml", source, [])
+        images_of(tmp_path / "session" / "session.toml", source)
     assert refused.value.code == "session-path-outside"
 
 
@@ -152,7 +150,7 @@ def test_promise_23__patterns_stay_in_the_folder_of_the_session(tmp_path: Path, 
         folder_of_images(tmp_path / name, 1)
     (tmp_path / "session" / "out").symlink_to(tmp_path / "other")
     with pytest.raises(InputError, match="is outside the session's folder"):
-        images_of(tmp_path / "session" / "session.toml", CameraSource(files=(pattern,)), [])
+        images_of(tmp_path / "session" / "session.toml", CameraSource(files=(pattern,)))
 
 
 def test_promise_23__patterns_search_so_many_files_and_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,7 +158,7 @@ def test_promise_23__patterns_search_so_many_files_and_no_more(tmp_path: Path, m
     for k in range(60):
         (tmp_path / f"{k}").mkdir()
     with pytest.raises(InputError, match="looked for among more than") as refused:
-        images_of(tmp_path / "session.toml", CameraSource(files=("**/*.jpg",)), [])
+        images_of(tmp_path / "session.toml", CameraSource(files=("**/*.jpg",)))
     assert refused.value.code == "session-path-outside"
 
 
@@ -183,8 +181,8 @@ def test_patterns__match_as_those_of_pathlib(tmp_path: Path, pattern: str) -> No
     ],
 )
 def test_images__that_do_not_exist_are_told(tmp_path: Path, source: CameraSource) -> None:
-    notices: list[Notice] = []
-    assert len(images_of(tmp_path / "session.toml", source, notices)) == 0
+    images, notices = images_of(tmp_path / "session.toml", source)
+    assert len(images) == 0
     assert {notice.code for notice in notices} == {"images-missing"}
 
 
@@ -192,16 +190,15 @@ def test_both_keys__add_up(tmp_path: Path) -> None:
     folder_of_images(tmp_path, 1)
     photo(tmp_path / "p.jpeg", "2026:05:23 09:41:11", "Z")
     (tmp_path / "images.csv").write_text(f"file,time_unix_s\n0.jpg,{TAKEN_S}\n", encoding="utf-8")
-    images = images_of(tmp_path / "session.toml", CameraSource(table="images.csv", files=("*.jpeg",)), [])
+    images, _ = images_of(tmp_path / "session.toml", CameraSource(table="images.csv", files=("*.jpeg",)))
     assert [path.name for path in images.paths] == ["p.jpeg", "0.jpg"]
 
 
 def test_images__of_the_trial(shared_data: Path) -> None:
-    notices: list[Notice] = []
     file = shared_data / "uav_wheat" / "session.toml"
     stated = parse_session(file.read_text("utf-8")).camera
     assert stated is not None
-    images = images_of(file, stated, notices)
+    images, notices = images_of(file, stated)
     assert (len(images), notices) == (106, [])
     assert np.diff(images.t_s) == pytest.approx(1.0, abs=1e-6)
     assert camera_of(stated).matrix[0, 2] == 402.7

@@ -33,7 +33,9 @@ def slow_errors(seed: int) -> PoseErrors:
     t_s = T0 + np.arange(0.0, 4 * LINE_S + 0.5, 1.0)
     alike = np.exp(-np.abs(t_s[:, None] - t_s) / SLOW_S)
     covariance = np.einsum("ij,a,ab->iajb", alike, SIGMA**2, np.eye(6)).reshape(6 * len(t_s), -1)
-    value = np.random.default_rng(seed).multivariate_normal(np.zeros(len(covariance)), covariance).reshape(-1, 6)
+    # By the Cholesky factor, which is unique: singular vectors, and with them the errors, differ by processor.
+    drawn = np.random.default_rng(seed).multivariate_normal(np.zeros(len(covariance)), covariance, method="cholesky")
+    value = drawn.reshape(-1, 6)
     return PoseErrors(t_s, value, covariance)
 
 
@@ -118,39 +120,42 @@ def test_report__has_rms_and_medians_to_hundredths_of_a_millimetre(flown_once: F
 
 def test_mounting_that_changes__is_found_apart_from_the_poses_and_within_its_sigmas() -> None:
     """A tenth of a degree over the flight about x and y, a fifth about z; the scanner rides on what turns."""
-    scene = Scene(Mounting.from_rotation(STATED.xyz_m, TURNED @ STATED.rotation), seed=3)
-    true, slow = flown(), slow_errors(3)
-    share = (true.t_s - T0) / (4 * LINE_S) - 0.5
-    angle_deg = np.outer(share, [0.1, -0.1, 0.2])
-    vehicle, turned = (
-        Rotation.from_quat(true.quaternion, scalar_first=True),
-        Rotation.from_rotvec(np.radians(angle_deg)),
-    )
-    place = np.array(STATED.xyz_m)
-    carried = replace(
-        true,
-        xyz_m=true.xyz_m + vehicle.apply(place - turned.apply(place)),
-        quaternion=(vehicle * turned).as_quat(scalar_first=True),
-    )
-    off = without_errors(true, slow, replace(slow, value=-slow.value))
-    off = replace(off, sigma=np.tile(SIGMA * np.where(np.arange(6) < 3, 1.0, 180.0 / np.pi), (len(off), 1)))
-    returns = strip_returns(scene.scans(carried), off)
-    found = boresight(returns, off, STATED)
-    assert found is not None
-    known = replace(slow, value=np.zeros_like(slow.value))
-    rigid = adjust_strips(returns, off, known, found, STATED)
-    adjusted = adjust_strips(returns, off, known, found, STATED, walk_deg_rts=0.02)
-    walk = adjusted.turned
-    assert walk is not None
-    truth = np.column_stack([np.interp(walk.t_s, true.t_s, axis) for axis in angle_deg.T])
-    truth -= truth.mean(axis=0)
-    ratio = (walk.angle_deg - truth) / walk.sigma_deg
-    assert np.sqrt(np.mean(ratio**2)) < 1.6
-    assert (np.std(walk.angle_deg - truth, axis=0)[:2] < 0.4 * np.std(truth, axis=0)[:2]).all()
-    before, after = (
-        np.degrees(np.std(left_over(carried, one), axis=0)[3:5]) for one in (rigid.trajectory, walk.carrier)
-    )
-    assert (after < before).all()
-    held, freed = (np.std(left_over(true, one.trajectory), axis=0)[3:5] for one in (rigid, adjusted))
-    assert (freed < held).all()
-    assert "mounting_walk" in adjusted.plain()
+    left = []
+    for seed in (1, 2, 3):
+        scene = Scene(Mounting.from_rotation(STATED.xyz_m, TURNED @ STATED.rotation), seed=seed)
+        true, slow = flown(), slow_errors(seed)
+        share = (true.t_s - T0) / (4 * LINE_S) - 0.5
+        angle_deg = np.outer(share, [0.1, -0.1, 0.2])
+        vehicle, turned = (
+            Rotation.from_quat(true.quaternion, scalar_first=True),
+            Rotation.from_rotvec(np.radians(angle_deg)),
+        )
+        place = np.array(STATED.xyz_m)
+        carried = replace(
+            true,
+            xyz_m=true.xyz_m + vehicle.apply(place - turned.apply(place)),
+            quaternion=(vehicle * turned).as_quat(scalar_first=True),
+        )
+        off = without_errors(true, slow, replace(slow, value=-slow.value))
+        off = replace(off, sigma=np.tile(SIGMA * np.where(np.arange(6) < 3, 1.0, 180.0 / np.pi), (len(off), 1)))
+        returns = strip_returns(scene.scans(carried), off)
+        found = boresight(returns, off, STATED)
+        assert found is not None
+        known = replace(slow, value=np.zeros_like(slow.value))
+        rigid = adjust_strips(returns, off, known, found, STATED)
+        adjusted = adjust_strips(returns, off, known, found, STATED, walk_deg_rts=0.02)
+        walk = adjusted.turned
+        assert walk is not None
+        truth = np.column_stack([np.interp(walk.t_s, true.t_s, axis) for axis in angle_deg.T])
+        truth -= truth.mean(axis=0)
+        ratio = (walk.angle_deg - truth) / walk.sigma_deg
+        assert np.sqrt(np.mean(ratio**2)) < 1.6
+        left.append(np.std(walk.angle_deg - truth, axis=0) / np.std(truth, axis=0))
+        before, after = (
+            np.degrees(np.std(left_over(carried, one), axis=0)[3:5]) for one in (rigid.trajectory, walk.carrier)
+        )
+        assert (after < before).all()
+        held, freed = (np.std(left_over(true, one.trajectory), axis=0)[3:5] for one in (rigid, adjusted))
+        assert (freed < held).all()
+        assert "mounting_walk" in adjusted.plain()
+    assert (np.sqrt(np.mean(np.square(left), axis=0))[:2] < 0.4).all()

@@ -15,7 +15,7 @@ import furrowmap
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.inertial_rows import imu_notices, without_frozen
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
 from furrowmap.core.trajectory.inertial_checks import turned_mounting
 from furrowmap.core.trajectory.inertial_start import MountedImu
@@ -101,8 +101,7 @@ def test_times__of_arrival_and_pauses_are_told() -> None:
 def test_axis_that_freezes__is_left_out_for_that_time() -> None:
     rate = SOUND.rate_radps.copy()
     rate[1000:1500, 2] = rate[1000, 2]
-    notices: list[Notice] = []
-    kept = without_frozen(replace(SOUND, rate_radps=rate), notices)
+    kept, notices = without_frozen(replace(SOUND, rate_radps=rate))
     assert len(kept) == len(SOUND) - 500
     assert [notice.text for notice in notices] == [
         "flight: angular rate z repeats one value for 5.0 s while the other axes go on. The measurements of that "
@@ -110,8 +109,8 @@ def test_axis_that_freezes__is_left_out_for_that_time() -> None:
     ]
     # At rest, values of a coarse resolution repeat, of all axes.
     still = InertialTrack(SOUND.t_s, np.zeros_like(rate), np.round(SOUND.force_mps2 * 0.0 + 9.8, 1))
-    assert without_frozen(still, notices) is still
-    assert without_frozen(SOUND, notices) is SOUND
+    assert without_frozen(still) == (still, [])
+    assert without_frozen(SOUND) == (SOUND, [])
 
 
 def turned_by(*rpy_deg: float) -> Mounting:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.pipeline.notices import refuse_empty
 from furrowmap.core.pointclouds.placed_scans import Placement, Placer
 from furrowmap.core.readers.mount_csv import read_mount
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.moving_mount import carrier_of, mount_trajectory
 from furrowmap.core.values.pose_track import MountMotion
@@ -176,8 +176,7 @@ HEAD = "time_gps_s,yaw_deg,roll_deg,pitch_deg\n"
 def test_file__is_read_by_its_columns(tmp_path: Path) -> None:
     file = tmp_path / "mount.csv"
     file.write_text(HEAD + "466490.0,3.0,1.0,2.0\n466490.1,,1.0,2.0\n466490.2,-3.0,-1.0,-2.0\n", encoding="utf-8")
-    notices: list[Notice] = []
-    motion = read_mount(file, 1_779_529_272.0, notices)
+    motion, notices = read_mount(file, 1_779_529_272.0)
     assert [notice.code for notice in notices] == ["rows-incomplete"]
     np.testing.assert_allclose(np.diff(motion.t_s), [0.2], atol=1e-6)
     assert abs(motion.t_s[0] - 1_779_529_272.0) < 7 * 86_400.0
@@ -202,5 +201,5 @@ def test_file__that_is_no_attitude_is_refused(tmp_path: Path, text: str, code: s
     file = tmp_path / "mount.csv"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as refused:
-        read_mount(file, T0, [])
+        read_mount(file, T0)
     assert refused.value.code == code

@@ -499,6 +499,6 @@ def test_farm_map_in_a_database__without_psycopg_names_the_extra(
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.delitem(sys.modules, "furrowmap.exporters.farm.postgis", raising=False)
     monkeypatch.setitem(sys.modules, "psycopg", None)  # as Python does where a package is not installed
-    with pytest.raises(RefusedError, match="psycopg") as caught:
+    with pytest.raises(InputError, match="psycopg") as caught:
         add_to_farm_map("postgresql://farmer@127.0.0.1/farm", [results["a"]])
-    assert caught.value.code == "no-psycopg"
+    assert caught.value.code == "extra-missing"

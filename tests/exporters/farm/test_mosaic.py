@@ -198,7 +198,7 @@ def test_surfaces_of_two_crs__go_into_the_one_that_is_named(write: Write, tmp_pa
     write_mosaic([here], tmp_path / "there.tif", crs=UTM)
     with pytest.raises(RefusedError) as refused:
         write_mosaic([here, tmp_path / "there.tif"], tmp_path / "farm.tif")
-    assert refused.value.code == "mosaic-crs"
+    assert refused.value.code == "results-crs-mixed"
     write_mosaic([here, tmp_path / "there.tif"], tmp_path / "farm.tif", crs=JAPAN)
     np.testing.assert_allclose(read(tmp_path / "farm.tif")[0][5:35, 5:35], 250.0, atol=1e-4)
 
@@ -231,7 +231,7 @@ def test_heights_of_two_kinds__are_not_mixed(write: Write, tmp_path: Path) -> No
     paths = [write("a", eighths((4, 4), 0)), write("b", eighths((4, 4), 0), crs=CRS.from_user_input("EPSG:6677+6695"))]
     with pytest.raises(RefusedError) as refused:
         write_mosaic(paths, tmp_path / "farm.tif")
-    assert refused.value.code == "mosaic-heights"
+    assert refused.value.code == "results-heights-mixed"
 
 
 def test_surface_itself__is_not_overwritten(write: Write) -> None:

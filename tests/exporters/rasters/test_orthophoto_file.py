@@ -29,7 +29,7 @@ def test_orthophoto__is_a_cog_in_true_colours_with_a_mask(tmp_path: Path) -> Non
     frames = replace(frames, poses=replace(frames.poses, xyz_m=frames.poses.xyz_m + CORNER_M))
     maker = ColourMaker(frames, CORNER_M)
     maker.add(np.concatenate(cloud()))
-    colours = maker.finish([])
+    colours = maker.finish()
     grid = Grid.of_bounds(0.05, (499_988.0, 5_899_992.0, 500_012.0, 5_900_008.0))
     height = np.full(grid.shape, CORNER_M[2], np.float32)
     height[:, :200] = np.nan
@@ -55,7 +55,7 @@ def test_orthophoto__is_a_cog_in_true_colours_with_a_mask(tmp_path: Path) -> Non
 def test_orthophoto__of_no_surface_is_refused(tmp_path: Path) -> None:
     (tmp_path / "dsm.tif").write_text("no surface", encoding="utf-8")
     frames = frames_above(tmp_path, np.zeros((1, 2)), np.zeros(1))
-    colours = ColourMaker(frames, CORNER_M).finish([])
+    colours = ColourMaker(frames, CORNER_M).finish()
     with pytest.raises(InputError) as refused:
         write_orthophoto(tmp_path / "o.tif", tmp_path / "dsm.tif", colours, CORNER_M, ORIGIN)
     assert refused.value.code == "not-a-surface"

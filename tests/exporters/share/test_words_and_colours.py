@@ -1,4 +1,4 @@
-"""Names and colours of shared results are those of the QGIS styles and of the plugin, and all are in Japanese."""
+"""Names and colours of shared results are those of the QGIS styles and of the plugin, in every language."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 import rasterio
 from pyproj import CRS
 
-from furrowmap.core.runtime.languages.texts import SHARE, texts_of
+from furrowmap.core.runtime.languages.texts import LANGUAGES, SHARE, texts_of
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import RUN_RASTERS, packaged_style, packaged_styles
@@ -24,6 +24,7 @@ from furrowmap.exporters.rasters.web_images import encode_image
 from furrowmap.exporters.share.page import WEBP_QUALITY, draw_raster
 from furrowmap.exporters.share.page_features import SHOWN_FIELDS
 from furrowmap.exporters.share.page_points import CLASS_COLOURS
+from furrowmap.exporters.share.shown_layers import SHOWN_TOGETHER
 from furrowmap.exporters.share.symbols import layer_style
 from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 from tests.exporters.rasters.written_cogs import write_cog
@@ -34,12 +35,9 @@ from plugin_strings import translations  # noqa: E402
 
 FIELD_LAYERS = ("events", "trajectory", "tool_path", "misses", "unworked", "boundary", "overlaps", "coverage",
                 "passes", "zones", "strips", "strip_differences", "parcels")  # fmt: skip
-NAMES = {"English", "Japanese", "LineString", "Polygon"}
-"""Of languages, and of what OpenLayers draws."""
+NAMES = {"LineString", "Polygon"}
+"""Of what OpenLayers draws."""
 NUMBER = re.compile(r"-?[\d.]+( m| mm)?")
-
-
-JAPANESE = texts_of("ja", SHARE)
 
 
 def texts() -> set[str]:
@@ -69,19 +67,35 @@ def texts() -> set[str]:
     return {text for text in found - NAMES if not NUMBER.fullmatch(text)}
 
 
-def test_words__all_are_in_japanese() -> None:
-    assert sorted(texts() - set(JAPANESE)) == []
-    assert all(JAPANESE.values())
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_words__all_are_in_every_language(language: str) -> None:
+    assert sorted(texts() - set(texts_of(language, SHARE))) == []
+    assert all(texts_of(language, SHARE).values())
 
 
-def test_words__are_those_of_the_plugin() -> None:
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_words__are_those_of_the_plugin(language: str) -> None:
+    ours = texts_of(language, SHARE)
     theirs: dict[str, set[str]] = {}
-    for (context, text), japanese in translations().items():
+    for (context, text), translated in translations(language).items():
         if context in ("Legends", "Classes", "Figures"):
-            theirs.setdefault(text, set()).add(japanese)
-    shared = set(theirs) & set(JAPANESE)
+            theirs.setdefault(text, set()).add(translated)
+    shared = set(theirs) & set(ours)
     assert len(shared) > 30
-    assert {text: JAPANESE[text] for text in shared if JAPANESE[text] not in theirs[text]} == {}
+    assert {text: ours[text] for text in shared if ours[text] not in theirs[text]} == {}
+
+
+def test_layers__have_the_names_and_themes_of_the_plugin() -> None:
+    """In the dock, on a shared page and in a QField project, which take both from the one list."""
+    theirs = json.loads((CHECKOUT / "plugin" / "legends.json").read_text(encoding="utf-8"))
+    assert {key: theirs["layers"][key] for key in SHARED_LAYERS} == dict(SHARED_LAYERS)
+    plugin = ast.parse((CHECKOUT / "plugin" / "results.py").read_text(encoding="utf-8"))
+    found = {node.targets[0].id: node.value for node in plugin.body
+             if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)}  # fmt: skip
+    always = ast.literal_eval(found["_ALWAYS"])
+    themes = eval(compile(ast.Expression(found["THEMES"]), "results.py", "eval"), {"_ALWAYS": always})
+    assert tuple(themes.values()) == SHOWN_TOGETHER
+    assert set().union(*SHOWN_TOGETHER) - {"plants", "lines", "planes"} <= set(SHARED_LAYERS)
 
 
 def test_classes__have_the_colours_of_the_plugin() -> None:
@@ -107,7 +121,7 @@ def test_ramp__is_that_of_the_style() -> None:
     assert ramp is not None
     assert [ramp.colour(n) for n in (1, 3, 5)] == ["rgba(181,220,196,1)", "rgba(46,139,87,1)", "rgba(18,63,41,1)"]
     assert ramp.colour(2, 0.65) == "rgba(114,180,142,0.65)"
-    assert layer_style("tool_path", {}).by_value["down"].stroke == "rgba(140,70,10,1)"
+    assert layer_style("tool_path", {}).by_value["down"].stroke == "rgba(90,61,255,1)"
     assert layer_style("no such layer", {}).ramp is None
 
 

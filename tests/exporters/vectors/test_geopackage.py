@@ -16,6 +16,7 @@ import pytest
 import shapely
 from pyproj import CRS
 
+from furrowmap.core.runtime.languages.texts import LANGUAGES
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.trajectory import Motion, ScanPoses, trajectory_from_attitude
 from furrowmap.exporters.vectors.geopackage import _check, read_layer, write_field, write_layer
@@ -134,10 +135,12 @@ def test_style__is_stored_as_the_layers_own(field: Path) -> None:
             "SELECT f_table_name, f_geometry_column, useAsDefault, styleQML FROM layer_styles"
         ).fetchall()
         contents = dict(database.execute("SELECT table_name, data_type FROM gpkg_contents"))
-    assert [row[:3] for row in rows] == [("trajectory", "geom", 1), ("trajectory", "geom", 0)]  # English, Japanese
+    default, *others = (row[:3] for row in rows)
+    assert default == ("trajectory", "geom", 1)
+    assert others == [("trajectory", "geom", 0)] * (len(LANGUAGES) - 1)
     assert all("<qgis" in row[3] for row in rows)
     assert "RTK fixed" in rows[0][3]
-    assert "単独測位" in rows[1][3]
+    assert "単独測位" in rows[LANGUAGES.index("ja")][3]
     assert contents == {"trajectory": "features", "layer_styles": "attributes"}
 
 

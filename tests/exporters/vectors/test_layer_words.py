@@ -1,4 +1,4 @@
-"""Words of layers: aliases, values and actions in the styles that a GeoPackage holds, in both languages."""
+"""Words of layers: aliases, values and actions in the styles that a GeoPackage holds, in every language."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from furrowmap.core.runtime.languages.texts import texts_of
+from furrowmap.core.runtime.languages.texts import LANGUAGES, texts_of
 from furrowmap.exporters.files.result_folder import packaged_style, packaged_styles
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, FARM_LABELS, LAYER_NAMES, VALUES
 from furrowmap.exporters.vectors.qgis_styles import (
@@ -22,21 +22,25 @@ from furrowmap.exporters.vectors.qgis_styles import (
 FIELDS = ("pass", "start", "end", "area_m2", "speed_mps", "zone", "kind", "of_another_program")
 
 
-@pytest.mark.parametrize("language", ["en", "ja"])
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_style__has_names_words_and_actions(language: str) -> None:
     root = ET.fromstring(with_words(packaged_style("passes.qml"), FIELDS, language, report=True))
     assert {"Symbology", "MapTips", "Fields", "Forms", "Actions"} <= set(root.attrib["styleCategories"].split("|"))
     aliases = {one.attrib["field"]: one.attrib["name"] for one in root.iter("alias")}
     assert set(aliases) == set(FIELDS[:-1])
-    assert aliases["area_m2"] == {"en": "area on the map (m²)", "ja": "面積・地図平面（m²）"}[language]
+    assert (
+        aliases["area_m2"]
+        == {"en": "area on the map (m²)", "de": "Fläche auf der Karte (m²)", "ja": "面積・地図平面（m²）"}[language]
+    )
     kinds = {field.attrib["name"]: field[0].attrib["type"] for field in root.iter("field")}
     assert kinds == {"area_m2": "Range", "speed_mps": "Range", "zone": "ValueMap", "kind": "ValueMap"}
     (zone,) = (field for field in root.iter("field") if field.attrib["name"] == "zone")
     pairs = {one.attrib["value"]: one.attrib["name"] for one in zone.iter("Option") if "value" in one.attrib}
-    assert pairs["headland"] == {"en": "headland", "ja": "枕地"}[language]
+    assert pairs["headland"] == {"en": "headland", "de": "Vorgewende", "ja": "枕地"}[language]
     actions = [one.attrib for one in root.iter("actionsetting")]
     assert [one["name"] for one in actions] == {
         "en": ["Open report", "Open folder"],
+        "de": ["Bericht öffnen", "Ordner öffnen"],
         "ja": ["レポートを開く", "フォルダを開く"],
     }[language]
     assert actions[0]["action"].endswith("|| 'report.html' %]")
@@ -47,7 +51,7 @@ def test_style__of_another_file_than_a_run_has_no_actions() -> None:
     assert not list(root.iter("actionsetting"))
 
 
-@pytest.mark.parametrize("language", ["en", "ja"])
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_style__of_several_tools_names_them_beside_the_number_of_a_pass(language: str) -> None:
     root = ET.fromstring(naming_tools(in_language(packaged_style("passes.qml"), language)))
     (label,) = root.iter("text-style")

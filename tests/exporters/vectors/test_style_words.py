@@ -67,7 +67,7 @@ def test_style__keeps_its_fields_and_symbols(name: str) -> None:
     assert in_language(STYLES[name], "en") == STYLES[name]
 
 
-@pytest.mark.parametrize(("language", "most"), [("en", "2 m and more"), ("ja", "2 m 以上")])
+@pytest.mark.parametrize(("language", "most"), [("en", "2 m and more"), ("de", "2 m und mehr"), ("ja", "2 m 以上")])
 def test_raster__has_the_legend_of_its_style_in_the_language_of_the_user(
     tmp_path: Path, language: str, most: str
 ) -> None:

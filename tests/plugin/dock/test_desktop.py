@@ -22,6 +22,7 @@ from furrowmap.cli.share_commands import FORMAT_CHOICES
 from furrowmap.core.values.margins import with_margin
 from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
 from tests.conftest import installed
+from tests.exporters.test_work_colours import contrast
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -291,6 +292,11 @@ def test_result__is_exported_and_added_to_a_farm_map_from_the_dock(seen: dict[st
     assert {"passes", "sessions"} <= set(layers)
 
 
+def test_history__lists_the_fields_of_the_farm_map(seen: dict[str, Any]) -> None:
+    assert seen["fields"] == ["positions"]  # the one session that was added to it
+    assert seen["field"] == "positions"
+
+
 def test_cancel__leaves_nothing(seen: dict[str, Any]) -> None:
     assert seen["workers_at_work"] == 1
     assert seen["workers_after_cancel"] == []
@@ -313,8 +319,8 @@ def test_run__ends_on_the_map_with_every_layer_styled(seen: dict[str, Any]) -> N
 def test_themes__show_the_layers_of_one_question_each(seen: dict[str, Any]) -> None:
     themes = seen["themes"]
     assert list(themes) == ["work", "passes", "surface", "quality"]
-    assert {"coverage", "overlaps", "misses", "boundary", "trajectory"} <= set(themes["work"])
-    assert not {"passes", "events", "change", "zones"} & set(themes["work"])
+    assert {"coverage", "overlaps", "misses", "boundary"} <= set(themes["work"])
+    assert not {"passes", "events", "change", "zones", "trajectory"} & set(themes["work"])
     assert {"passes", "events"} <= set(themes["passes"])
     assert "change" in themes["surface"]
     assert not {"passes", "coverage"} & set(themes["surface"])
@@ -391,6 +397,13 @@ def test_own_base_map__is_a_raster_mbtiles_or_a_service_with_its_attribution(see
     }
     assert "The map of 127.0.0.1 cannot be reached" in seen["unreachable"]
     assert seen["unreached"]
+    assert seen["credit without tiles"] == ""
+
+
+def test_texts__are_legible_on_a_dark_theme(seen: dict[str, Any]) -> None:
+    darkest, lightest, red = seen["on_dark"]
+    assert lightest - darkest > 150  # of 255
+    assert contrast(red, "#323232") > 4.5  # WCAG 2.2, criterion 1.4.3
 
 
 def test_results__opened_again_replace_themselves_and_survive_in_a_project(seen: dict[str, Any]) -> None:

@@ -21,7 +21,7 @@ from tests.test_flight_end_to_end import flight_session
 if TYPE_CHECKING:
     from conftest import QgisRoot
 
-LANGUAGES = ("en", "ja")
+LANGUAGES = ("en", "de", "ja")
 CLEARING = (
     *("add to map", "rerun", "drop on the dock", "drop on the window", "preview dropped", "another session", "batch"),
     *("replay", "themes", "farm map", "base map", "cloud", "surfaces", "plugin reloaded"),
@@ -84,7 +84,7 @@ def test_legend__has_the_unit_and_the_ends_of_the_raster(seen: dict[str, Any], l
         stated = re.search(r"[(（]([^)）]*)[)）]", legend["title"])
         assert (stated is not None) == (unit == "m"), name
         for label, value in zip(legend["ends"], legend["values"], strict=True):
-            number = re.match(r"(-?[\d.]+)\s*([^\W\d]*)", label)
+            number = re.match(r"(-?[\d.]+)\s*([^\W\d]*)", label.replace(",", "."))
             if number is None:  # words for the value zero
                 assert value == 0.0, name
                 continue
@@ -107,6 +107,7 @@ def test_saved_project__has_titles_themes_and_the_page_of_its_result_again(seen:
 def test_titles__are_in_the_language_of_qgis(seen: dict[str, Any]) -> None:
     titles = {language: dict(seen["languages"][language]["titles"]) for language in LANGUAGES}
     assert titles["en"]["coverage"] == "Worked ground"
+    assert titles["de"]["coverage"] == "Bearbeiteter Boden"
     assert titles["ja"]["coverage"] == "作業した範囲"
     assert not {key for key, title in titles["ja"].items() if title.isascii()}
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import qgis.utils
+from qgis import processing
 from qgis.core import (
     Qgis,
     QgsApplication,
@@ -29,13 +30,15 @@ from qgis.core import (
     QgsSettings,
 )
 from qgis.PyQt.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
-from qgis.PyQt.QtGui import QDragEnterEvent, QDropEvent
+from qgis.PyQt.QtGui import QColor, QDragEnterEvent, QDropEvent, QPalette
 from qgis.PyQt.QtTest import QTest
 from qgis.PyQt.QtWidgets import QApplication, QGroupBox, QPushButton, QWidget
 
 RECORDINGS, EARLIER, FLIGHT, WORKER, OUT = arguments  # noqa: F821 - given by qgis_desktop.sh
 WINDOW = iface.mainWindow()  # noqa: F821
 LONGEST_S = 400.0
+DARK_WINDOW = "#323232"
+"""The window of the theme Night Mapping."""
 MOUNTING = {
     "furrowmapAntenna": (1.847, -0.052, 1.624),
     "furrowmapLidar": (-0.632, 0.041, 2.416),
@@ -403,6 +406,14 @@ def passed_on() -> Iterator[Any]:
     yield page("run")
     yield page("result")
     SEEN["farm"] = [QgsSettings().value("furrowmap/farmMap") == str(farm), groups()["farm"]]
+    dialog = processing.createAlgorithmDialog("furrowmap:farm_history", {"FARM_MAP": str(farm)})
+    dialog.show()
+    yield
+    box = dialog.findChild(QWidget, "furrowmapFields")
+    SEEN["fields"] = [box.itemText(number) for number in range(box.count())]
+    SEEN["field"] = dialog.mainWidget().createProcessingParameters()["FIELD"]
+    shot(f"{OUT}/history.png")  # noqa: F821
+    dialog.close()
 
 
 def refused_run() -> Iterator[Any]:
@@ -521,7 +532,9 @@ def on_the_map() -> Iterator[Any]:
         grown = [project.mapLayer(key).type().name for key in sorted(set(project.mapLayers()) - set(before))]
         name = {"work": "coverage", "surface": "change"}[theme]
         SEEN[f"replay_{theme}"] = [sorted(grown), nodes[name].isVisible()]
-        SEEN["replay_time"] = iface.mapCanvas().findChild(QWidget, "furrowmapReplayTime").text()  # noqa: F821
+        time_label = iface.mapCanvas().findChild(QWidget, "furrowmapReplayTime")  # noqa: F821
+        SEEN["replay_time"] = time_label.text()
+        SEEN["on_dark"] = on_dark(time_label)
         SEEN["replay_end"] = controller.dateTimeRangeForFrameNumber(controller.currentFrameNumber()).end()
         SEEN["replayed"] = controller.totalFrameCount()
         controller.setNavigationMode(controller.NavigationMode.NavigationOff)
@@ -559,6 +572,24 @@ def on_the_map() -> Iterator[Any]:
     SEEN["again_the_same"] = groups() == before
     yield drawn
     SEEN["project_round_trip"] = _round_trip(project)
+
+
+def on_dark(label: Any) -> list[Any]:
+    """The darkest and the lightest grey of a label, and the red of verdicts, where the theme is dark."""
+    from furrowmap.dock.form_parts import warning_colour
+
+    before = label.palette()
+    dark = QPalette(before)
+    for role in (QPalette.ColorRole.Window, QPalette.ColorRole.Base):
+        dark.setColor(role, QColor(DARK_WINDOW))
+    for role in (QPalette.ColorRole.WindowText, QPalette.ColorRole.Text):
+        dark.setColor(role, QColor("#c8c8c8"))
+    label.setPalette(dark)
+    image = label.grab().toImage()
+    greys = [image.pixelColor(x, y).lightness() for x in range(image.width()) for y in range(image.height())]
+    found = [min(greys), max(greys), warning_colour(label)]
+    label.setPalette(before)
+    return found
 
 
 def own_maps(box: Any) -> Iterator[Any]:
@@ -604,10 +635,15 @@ def own_maps(box: Any) -> Iterator[Any]:
     server.wait()
     bar.clearWidgets()
     widget("furrowmapOwnBaseMap").setText(f"http://127.0.0.1:{port}/{{z}}/{{x}}/{{y}}.png")
+    widget("furrowmapOwnAttribution").setText("Somebody's tiles")
+    credit = iface.mapCanvas().findChild(QWidget, "furrowmapAttribution")  # noqa: F821
     box.activated.emit(box.count() - 1)
     yield lambda: bar.currentItem() is not None
     SEEN["unreachable"] = bar.currentItem().text()
     SEEN["unreached"] = widget("furrowmapUnreached").isVisible()
+    yield drawn
+    yield lambda: not credit.isVisible()
+    SEEN["credit without tiles"] = credit.text()
     shot(f"{OUT}/unreachable.png")  # noqa: F821
 
 

@@ -288,7 +288,7 @@ def languages() -> Iterator[Any]:
     from furrowmap.translation import install_translator
 
     SEEN["languages"] = {}
-    for language in ("en", "ja"):
+    for language in ("en", "de", "ja"):
         QgsApplication.setLocale(QLocale(language))
         translator = install_translator(language)
         PROJECT.clear()

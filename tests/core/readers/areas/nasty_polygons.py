@@ -13,8 +13,8 @@ import shapely
 
 Rings = list[list[list[float]]]
 SIDE_M = 100.0
-CORNERS = int(os.environ.get("CORNERS", "100000"))
-"""Of the largest polygons; a file may have a million and more, which take several times as long."""
+CORNERS = int(os.environ.get("CORNERS", "100000" if "KILLS" in os.environ else "60000"))
+"""Of the largest polygons, more in `make kills`; a file may have a million, which take several times as long."""
 
 
 def _ring(xy: np.ndarray) -> list[list[float]]:

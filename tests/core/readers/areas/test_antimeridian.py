@@ -52,10 +52,10 @@ def written(folder: Path, name: str, geometry: dict[str, object]) -> Path:
 
 
 def test_fields__in_every_notation_are_one_field(tmp_path: Path) -> None:
-    elsewhere = read_fields(written(tmp_path, "there", {"type": "Polygon", "coordinates": [ring(150.0, 150.001)]}))
+    elsewhere = read_fields(written(tmp_path, "there", {"type": "Polygon", "coordinates": [ring(150.0, 150.001)]}))[0]
     area = abs(WGS84.geometry_area_perimeter(elsewhere[0].outline)[0])
     for name, geometry in notations(179.9995).items():
-        (field,) = read_fields(written(tmp_path, name, geometry))
+        (field,) = read_fields(written(tmp_path, name, geometry))[0]
         assert field.outline.geom_type == "Polygon", name
         assert np.ptp(np.array(field.outline.bounds)[0::2]) == pytest.approx(WIDE, abs=1e-9), name
         found = abs(WGS84.geometry_area_perimeter(shapely.orient_polygons(field.outline))[0])
@@ -107,7 +107,7 @@ def test_task_data__with_rings_across_the_antimeridian(tmp_path: Path) -> None:
         polygon = f'<PLN A="1">{"".join(map(line, rings))}</PLN>'
         text = f'<ISO11783_TaskData VersionMajor="4"><PFD A="PFD1" C="field" D="0">{polygon}</PFD></ISO11783_TaskData>'
         (folder / "TASKDATA.XML").write_text(text)
-        (field,) = read_fields(folder)
+        (field,) = read_fields(folder)[0]
         assert field.outline.geom_type == "Polygon"
         assert abs(WGS84.geometry_area_perimeter(field.outline)[0]) == pytest.approx(5898.46, abs=0.01)
 
@@ -131,7 +131,7 @@ def test_datum__is_refused_in_every_notation(tmp_path: Path) -> None:
 def test_foreign_field__of_fiji(shared_data: Path) -> None:
     folder = shared_data / "foreign" / "17-antimeridian"
     for name in ("over", "split", "unsplit"):
-        (field,) = read_fields(folder / f"{name}.geojson")
+        (field,) = read_fields(folder / f"{name}.geojson")[0]
         assert abs(WGS84.geometry_area_perimeter(field.outline)[0]) == pytest.approx(5898.5, abs=0.1), name
         (shape,) = polygons_on_map(folder / f"{name}.geojson", UTM_60S, UNREADABLE).shapes
         assert shape.area == pytest.approx(5908.7, abs=0.1), name

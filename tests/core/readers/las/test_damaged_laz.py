@@ -53,7 +53,7 @@ def test_promise_09__a_laz_that_ends_its_decoder_is_refused(number: int, tmp_pat
         (tmp_path / "damaged.laz").write_bytes(data)
         with pytest.raises(InputError, match=r"damaged\.laz: points 1 to 500 cannot be decoded") as error:
             points_of(open_cloud(tmp_path / "damaged.laz"))
-        assert error.value.code == "laz-chunk-damaged"
+        assert error.value.code == "laz-damaged"
         errors.append(error.value.what)
         assert len(points_of(open_cloud(tmp_path / "cloud.laz"))) == 500  # a sound one is read after it
     assert any("the decoder crashed" in what for what in errors)
@@ -146,4 +146,4 @@ def test_laz__whose_items_are_not_those_of_its_points_is_refused(
     (tmp_path / "damaged.laz").write_bytes(data)
     with pytest.raises(InputError, match=f"do not match point format {number} with ") as error:
         open_cloud(tmp_path / "damaged.laz")
-    assert error.value.code == "laz-items"
+    assert error.value.code == "laz-damaged"

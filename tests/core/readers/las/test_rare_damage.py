@@ -44,7 +44,7 @@ def record_at(path: Path, user: bytes, number: int) -> int:
 
 @pytest.mark.parametrize(
     ("at", "data", "code"),
-    [(24, b"\x01\x09", "las-version"), (94, struct.pack("<H", 100), "header-size")],
+    [(24, b"\x01\x09", "las-version"), (94, struct.pack("<H", 100), "las-header")],
 )
 def test_a_header__of_another_version_or_size_is_refused(tmp_path: Path, at: int, data: bytes, code: str) -> None:
     with pytest.raises(InputError) as refused:
@@ -54,9 +54,9 @@ def test_a_header__of_another_version_or_size_is_refused(tmp_path: Path, at: int
 
 def test_compressed_points__without_the_record_on_their_compression_are_refused(tmp_path: Path) -> None:
     path = cloud(tmp_path, "a.laz")
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match="LASzip record, which describes") as refused:
         open_cloud(with_bytes(path, record_at(path, b"laszip encoded", 22204) + 2, b"laszip decoded"))
-    assert refused.value.code == "laz-record"
+    assert refused.value.code == "laz-damaged"
 
 
 def test_a_cloud__in_a_compressed_stream_is_refused(tmp_path: Path) -> None:

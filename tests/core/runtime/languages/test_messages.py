@@ -1,4 +1,4 @@
-"""Messages in every language: the same keys, parts and holes, and in Japanese no English sentence."""
+"""Messages in every language: the same keys, parts and holes, and no English sentence."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import SETTING_REMEDIES, InputError, Notice, RefusedError, printable
-from furrowmap.core.runtime.languages.messages import ERROR_PARTS, expansions, holes, printed, sentences
+from furrowmap.core.runtime.languages.expansions import expansions
+from furrowmap.core.runtime.languages.messages import ERROR_PARTS, holes, printed, sentences
 from furrowmap.core.runtime.languages.templates import Choice, Hole, fill, parts_of, walk
-from furrowmap.core.runtime.languages.texts import templates
+from furrowmap.core.runtime.languages.texts import LANGUAGES, templates
 
 ENGLISH = re.compile(r"\b[a-z]{2,} [a-z]{2,}\b")
 """Two words of English beside each other."""
@@ -33,17 +34,29 @@ NAMES = (
 KEYS = [(key, part) for key, parts in templates("en").items() for part in parts]
 
 
-def test_languages__have_the_same_keys_and_parts() -> None:
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_languages__have_the_same_keys_and_parts(language: str) -> None:
     assert {key: set(parts) for key, parts in templates("en").items()} == {
-        key: set(parts) for key, parts in templates("ja").items()
+        key: set(parts) for key, parts in templates(language).items()
     }
 
 
-def test_messages__have_the_same_holes_in_both_languages() -> None:
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_messages__have_the_same_holes_in_every_language(language: str) -> None:
     for key in templates("en"):
         for part, english in sentences("en", key).items():
-            ours, theirs = ({hole.name for hole in walk(parts)} for parts in (english, sentences("ja", key)[part]))
+            ours, theirs = ({hole.name for hole in walk(parts)} for parts in (english, sentences(language, key)[part]))
             assert ours == theirs, (key, part)
+
+
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_messages__are_translated_in_every_choice(language: str) -> None:
+    for key, part in KEYS:
+        for english, other in expansions(templates("en")[key][part], templates(language)[key][part]):
+            if re.search(r"[a-z]{3,} [a-z]{3,}", _without_names(english)):
+                assert re.sub(r"{\d+}", "…", other) != english, (key, part)
+            assert english.count("…") >= len(set(re.findall(r"\{\d+\}", other))), (key, part)
+            assert "\0" not in other, (key, part)
 
 
 def test_japanese__is_japanese() -> None:
@@ -79,7 +92,7 @@ def test_setting__is_the_line_that_the_remedy_names(key: str) -> None:
 @pytest.mark.parametrize("key", [key for key, parts in templates("en").items() if "what" in parts])
 def test_part_of_an_error__is_a_value_of_another_message(key: str) -> None:
     error = InputError(key, **dict.fromkeys(holes(key), 1))
-    for language in ("en", "ja"):
+    for language in LANGUAGES:
         parts = [error.words(part).in_language(language) for part in ERROR_PARTS]
         assert [printable(part) for part in parts] == list(error.lines_in(language))
 

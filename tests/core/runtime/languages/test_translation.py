@@ -33,7 +33,10 @@ def test_language__of_the_command_line_before_that_of_the_session_before_that_of
             InputError("session-value.check-values", name="session.toml", fault=Text("trajectory.files names no file")),
             "session.toml：trajectory.files にファイルがありません。",
         ),
-        (InputError("surface-unusable", path="dsm.tif", why=Text("has no CRS")), "dsm.tif：CRS がありません。"),
+        (
+            InputError("surface-unusable", path="dsm.tif", why=Text("has cells that are not square and north-up")),
+            "dsm.tif：セルが正方形で北上ではありません。",
+        ),
         (
             InputError(
                 "session-unreadable", path="p.csv", why=Text("it is {kind}, not text", kind=Text("a zip archive"))
