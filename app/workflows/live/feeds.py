@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from queue import Empty, Full, Queue
+from queue import Empty, SimpleQueue
 from threading import Event
 from typing import Any, Final
 
@@ -131,7 +131,8 @@ class FolderFeed:
         self._scans = scans
         self._stop = stop
         self._over = Event()
-        self._queue: Queue[tuple[Datagrams | bytes, float]] = Queue(QUEUED_INPUTS)
+        # The threads may be ended while they put: a `Queue` would stay locked, as it locks in Python code.
+        self._queue: SimpleQueue[tuple[Datagrams | bytes, float]] = SimpleQueue()
         self.threads = [
             SupervisedThread(what, partial(self._follow, Followed.of(files[0])), lambda _: None)
             for what, files in (("scanner", recording.lidar), ("GNSS", recording.gnss))
@@ -223,10 +224,11 @@ class FolderFeed:
 
     def _put(self, data: Datagrams | bytes, due_s: float) -> None:
         """Hand on some of the input, unless the feed is stopped first."""
-        while not self._stop.is_set():
-            with suppress(Full):
-                self._queue.put((data, due_s), timeout=0.2)
+        while self._queue.qsize() >= QUEUED_INPUTS:
+            if self._stop.is_set():
                 return
+            time.sleep(POLL_S)
+        self._queue.put((data, due_s))
 
 
 def recorder_status(folder: Path) -> dict[str, Any]:

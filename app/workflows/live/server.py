@@ -8,6 +8,7 @@ import re
 import socket
 import sys
 import zlib
+from _thread import start_new_thread
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -237,7 +238,6 @@ class BoundedServer(ThreadingMixIn, TCPServer):
     """Connections in threads that end with the process, with places for them, and a thread that accepts them."""
 
     allow_reuse_address = sys.platform != "win32"  # there it would let two programs listen
-    daemon_threads = True
     request_queue_size = 128
     """Each of fifty readers asks for several tiles at once."""
 
@@ -251,6 +251,20 @@ class BoundedServer(ThreadingMixIn, TCPServer):
         self.thread = SupervisedThread(name, self.serve_forever, lambda _: None)
         self.thread.ensure()
 
+    def serve_forever(self, poll_interval: float = 0.5) -> None:
+        """Accept connections until `shutdown`.
+
+        The base class marks begin and end by a `threading.Event`; see `StopFlag` for why a supervised thread has none.
+        """
+        self.timeout = poll_interval
+        while not self.thread.stopping.is_set():
+            self.handle_request()
+            self.service_actions()
+
+    def shutdown(self) -> None:
+        """Accept no more connections; those that are there stay."""
+        self.thread.stop()
+
     def place_of(self, connection: socket.socket) -> ReaderPlace:
         """The place of a connection."""
         return self._of.get(connection) or ReaderPlace("", lambda: None)
@@ -263,7 +277,8 @@ class BoundedServer(ThreadingMixIn, TCPServer):
             return
         self._of[request] = place
         prepare(request)
-        super().process_request(request, client_address)
+        # `Thread.start` would wait for the thread, for ever where an exception ends that before it begins.
+        start_new_thread(self.process_request_thread, (request, client_address))
 
     def shutdown_request(self, request: Any) -> None:
         """A connection has ended."""
