@@ -17,7 +17,7 @@ from furrowmap.core.runtime.errors import InputError, MissingExtraError
 from furrowmap.core.runtime.languages.texts import Text, Words
 from furrowmap.exporters.files import result_folder
 from furrowmap.exporters.files.result_folder import CHANGE, CLOUD, DSM, DSM_BEFORE, ResultFolder
-from furrowmap.exporters.files.vector_layers import geodataframe
+from furrowmap.exporters.files.whole_layers import geodataframe
 
 if TYPE_CHECKING:
     import geopandas

@@ -38,7 +38,7 @@ from furrowmap.exporters.files.csv_cells import write_csv
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, TRAJECTORY
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.files.vector_layers import geodataframe, write_vector_layer
+from furrowmap.exporters.files.whole_layers import geodataframe, write_vector_layer
 from furrowmap.exporters.share.symbols import PLAIN_SYMBOL, Symbol, layer_style
 from furrowmap.exporters.vectors.geopackage import write_styles
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, LAYER_NAMES, VALUES

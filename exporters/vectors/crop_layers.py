@@ -19,7 +19,7 @@ from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.csv_cells import write_csv, write_csv_table
-from furrowmap.exporters.files.vector_layers import write_vector_layer
+from furrowmap.exporters.files.whole_layers import write_vector_layer
 from furrowmap.exporters.files.workbooks import write_workbook
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts
 

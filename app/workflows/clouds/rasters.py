@@ -42,7 +42,7 @@ from furrowmap.exporters.files.result_folder import (
     ROUGHNESS,
     SLOPE,
 )
-from furrowmap.exporters.files.vector_layers import write_vector_layer
+from furrowmap.exporters.files.whole_layers import write_vector_layer
 from furrowmap.exporters.rasters.cog import FILLED_BAND, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
 from furrowmap.exporters.rasters.windows import is_last, plots_of, share_done, shared_cells, window, windows
 from furrowmap.settings import SurfaceSettings
