@@ -240,6 +240,8 @@ class BoundedServer(ThreadingMixIn, TCPServer):
     allow_reuse_address = sys.platform != "win32"  # there it would let two programs listen
     request_queue_size = 128
     """Each of fifty readers asks for several tiles at once."""
+    timeout = 0.5
+    """Seconds after which the thread that accepts looks for connections that hang, and for its end."""
 
     def __init__(
         self, host: str, port: int, handler: type[BaseRequestHandler], places: Places, name: str, further: Places | None
@@ -248,15 +250,15 @@ class BoundedServer(ThreadingMixIn, TCPServer):
         self._places = places
         self._further = further
         self._of: dict[socket.socket, ReaderPlace] = {}
-        self.thread = SupervisedThread(name, self.serve_forever, lambda _: None)
+        self.thread = SupervisedThread(name, self._accept, lambda _: None)
         self.thread.ensure()
 
-    def serve_forever(self, poll_interval: float = 0.5) -> None:
+    def _accept(self) -> None:
         """Accept connections until `shutdown`.
 
-        The base class marks begin and end by a `threading.Event`; see `StopFlag` for why a supervised thread has none.
+        `serve_forever` would mark begin and end by a `threading.Event`; see `StopFlag` for why a supervised thread has
+        none.
         """
-        self.timeout = poll_interval
         while not self.thread.stopping.is_set():
             self.handle_request()
             self.service_actions()
