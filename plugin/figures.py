@@ -13,6 +13,7 @@ from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 from .dock_words import in_dock_words
+from .translation import in_marks
 
 tr = partial(QCoreApplication.translate, "Figures")
 
@@ -142,8 +143,9 @@ def _fixes(shares: Any) -> str | None:
 def _percent(share: float) -> str:
     """A share that is neither rounded up to all nor down to nothing."""
     if 0.0 < share < 0.001:
-        return "< 0.1 %"
-    return "> 99.9 %" if 0.999 < share < 1.0 else f"{100.0 * share:.{0 if share in (0.0, 1.0) else 1}f} %"
+        return in_marks("< 0.1 %")
+    said = "> 99.9 %" if 0.999 < share < 1.0 else f"{100.0 * share:.{0 if share in (0.0, 1.0) else 1}f} %"
+    return in_marks(said)
 
 
 def _crop_rows(crops: dict[str, Any]) -> list[tuple[str, str | None]]:
@@ -157,7 +159,7 @@ def _crop_rows(crops: dict[str, Any]) -> list[tuple[str, str | None]]:
     volumes = [v for parcel in parcels if isinstance(v := parcel.get("volume_m3"), (int, float))]
     return [
         (tr("Parcels"), str(len(heights))),
-        (tr("Crop height"), words.format(low=100 * heights[0], high=100 * heights[-1], mean=100 * mean)),
+        (tr("Crop height"), in_marks(words.format(low=100 * heights[0], high=100 * heights[-1], mean=100 * mean))),
         (tr("Crop volume"), _number(sum(volumes) or None, "{:,.1f} m³")),
         (tr("Response"), localized(object_in(crops, "response"), "words")),
     ]
@@ -165,12 +167,12 @@ def _crop_rows(crops: dict[str, Any]) -> list[tuple[str, str | None]]:
 
 def _number(value: Any, form: str) -> str | None:
     """A number in a form; None for what cannot be measured, such as 300 digits of a damaged report."""
-    return form.format(value) if isinstance(value, (int, float)) and abs(value) < MOST else None
+    return in_marks(form.format(value)) if isinstance(value, (int, float)) and abs(value) < MOST else None
 
 
 def _path_length(metres: Any) -> str | None:
     """A length in metres, above ten kilometres in kilometres."""
-    return _number(metres, "{:,.0f} m") if not metres or metres < 1e4 else f"{metres / 1e3:,.1f} km"
+    return _number(metres, "{:,.0f} m") if not metres or metres < 1e4 else in_marks(f"{metres / 1e3:,.1f} km")
 
 
 def _duration(seconds: Any) -> str | None:
@@ -189,9 +191,10 @@ def _area(figures: dict[str, Any], key: str, sigma_key: str) -> str | None:
         return None
     factor, form, unit = (1e-4, "{:,.3f}", "ha") if area >= 1e3 else (1.0, f"{{:,.{1 if area >= 10 else 2}f}}", "m²")
     if not isinstance(sigma, (int, float)) or sigma <= 0 or area <= 0:
-        return f"{form.format(area * factor)} {unit}"
+        return in_marks(f"{form.format(area * factor)} {unit}")
     half = 2 * factor * sigma
-    return f"{factor * area:,.{max(0, _places(half))}f} {_margin(half)} {unit} (95 %)"
+    value = in_marks(f"{factor * area:,.{max(0, _places(half))}f}")
+    return f"{value} {_margin(half)} {unit} (95 %)"
 
 
 def _field(figures: dict[str, Any]) -> str | None:
@@ -232,7 +235,7 @@ def _accuracy(accuracy: dict[str, Any], keys: Sequence[str], factor: float, unit
 def _margin(half: float) -> str:
     """A margin of error to two significant digits, as the pages of furrowmap have it."""
     places = _places(half)
-    return f"± {round(half, places):,.{max(0, places)}f}"
+    return in_marks(f"± {round(half, places):,.{max(0, places)}f}")
 
 
 def _places(half: float) -> int:

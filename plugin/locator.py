@@ -21,6 +21,7 @@ from qgis.PyQt.QtCore import QCoreApplication
 
 from .own_layers import nodes_by_key
 from .results import groups_of
+from .translation import in_marks
 
 tr = partial(QCoreApplication.translate, "PassLocator")
 
@@ -114,7 +115,7 @@ def _passes(session: str, layer: QgsVectorLayer) -> list[dict[str, Any]]:
                 "words": ", ".join(
                     [
                         *([str(feature["tool"])] if fields.indexOf("tool") >= 0 else []),
-                        *([f"{float(area):,.1f} m²"] if isinstance(area, (int, float)) else []),
+                        *([in_marks(f"{float(area):,.1f} m²")] if isinstance(area, (int, float)) else []),
                     ]
                 ),
             }

@@ -16,6 +16,7 @@ from .figures import MOST
 from .own_layers import emptied_group, groups_with, mark, only_own, own_vector, take_out
 from .products import read_object
 from .styles import load_style_of_language, show_as_surface
+from .translation import in_marks
 
 tr = partial(QCoreApplication.translate, "Previews")
 
@@ -78,7 +79,7 @@ def preview_text(account: dict[str, Any]) -> str:
     duration = figures.get("duration_s", 0.0)
     if not (abs(distance) < MOST and abs(duration) < MOST):
         return str(tr("the times or positions are damaged"))
-    text = str(tr("{distance:,.0f} m in {time:,.0f} s").format(distance=distance, time=duration))
+    text = in_marks(tr("{distance:,.0f} m in {time:,.0f} s").format(distance=distance, time=duration))
     count = sum(used.values())
     if count:
         text += "; " + tr("{share:.0%} RTK fixed").format(share=used.get("fixed", 0) / count)

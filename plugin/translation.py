@@ -7,12 +7,13 @@ files of ``i18n`` are compiled in memory when the plugin starts, within millisec
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Mapping
 from pathlib import Path
 
 from qgis.core import QgsApplication
-from qgis.PyQt.QtCore import QCoreApplication, QTranslator, QXmlStreamReader
+from qgis.PyQt.QtCore import QCoreApplication, QLocale, QTranslator, QXmlStreamReader
 
 QM_MAGIC = bytes.fromhex("3cb86418caef9c95cd211cbf60a1bddd")
 HASHES = 0x42
@@ -38,6 +39,16 @@ def install_translator(locale: str | None = None) -> QTranslator | None:
 def translation_file(language: str) -> Path:
     """The file of a language, by its code; it exists for each language of furrowmap but English."""
     return Path(__file__).with_name("i18n") / f"furrowmap_{language}.ts"
+
+
+def in_marks(text: str) -> str:
+    """Numbers in English notation with the marks of the language, if the plugin has texts in it: "0,5 ha" in German."""
+    language = (QgsApplication.locale() or "")[:2]
+    if not translation_file(language).is_file():
+        return text
+    locale = QLocale(language)
+    marks = {".": str(locale.decimalPoint()), ",": str(locale.groupSeparator())}
+    return re.sub(r"(?<=\d)[.,](?=\d)", lambda mark: marks[mark[0]], text)
 
 
 class Translator(QTranslator):

@@ -15,6 +15,7 @@ from qgis.core import QgsSettings
 from qgis.PyQt.QtCore import QCoreApplication
 
 from ..platforms import resolved
+from ..translation import in_marks
 from .dropped import home_of
 
 tr = partial(QCoreApplication.translate, "Places")
@@ -103,7 +104,7 @@ def copied(
     free = shutil.disk_usage(target).free
     if whole > free:
         words = tr("{needed:,.1f} GB are needed, {free:,.1f} GB are free")
-        raise OSError(28, words.format(needed=whole / 1e9, free=free / 1e9), str(target))
+        raise OSError(28, in_marks(words.format(needed=whole / 1e9, free=free / 1e9)), str(target))
     done = 0
     try:
         for path, copy in files:

@@ -27,6 +27,7 @@ from ..previews import open_preview, preview_text, read_account, remove_previews
 from ..processing.algorithm import ERROR_CODE, ERROR_EXTRA, ERROR_SETTING
 from ..products import product
 from ..results import REPORT, read_report
+from ..translation import in_marks
 from ..worker import WorkerCancelled, WorkerError, percent_of, run_command
 from .form_parts import FILL_IN, FORM_CODES
 
@@ -283,7 +284,8 @@ def judged(folder: Path) -> tuple[str, str]:
     if localized(verdict, "text"):
         return DOUBTFUL, str(localized(verdict, "text"))
     if isinstance(duration_s, (int, float)) and duration_s < SHORTEST_DRIVE_S:
-        text = QCoreApplication.translate("BatchPage", "It lasts {duration:.1f} s.").format(duration=duration_s)
+        text = QCoreApplication.translate("BatchPage", "It lasts {duration:.1f} s.")
+        text = in_marks(text.format(duration=duration_s))
         return CUT, " ".join(filter(None, (text, cut)))
     return (CUT, str(cut)) if cut else (DONE, "")
 

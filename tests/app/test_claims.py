@@ -65,6 +65,8 @@ def dock_rows(report: dict[str, Any]) -> dict[str, str]:
     qgis_core = types.ModuleType("qgis.core")
     qgis_core.QgsApplication = types.SimpleNamespace(locale=lambda: "en")  # type: ignore[attr-defined]
     core.Qt = types.SimpleNamespace(DateFormat=types.SimpleNamespace(ISODateWithMs=0))  # type: ignore[attr-defined]
+    core.QLocale = core.QXmlStreamReader = None  # type: ignore[attr-defined]
+    core.QTranslator = object  # type: ignore[attr-defined]
     spec = importlib.util.spec_from_file_location("dock_of_claims.figures", FIGURES)
     assert spec is not None
     assert spec.loader is not None
