@@ -31,6 +31,17 @@ function say(text) {
   return data.languages[language].texts[text] ?? text;
 }
 
+/** Numbers in English notation with the marks of the reader's language. */
+function inMarks(text) {
+  const { marks } = data.languages[language];
+  return text.replace(/(\d)([.,])(?=\d)/g, (_, digit, mark) => digit + (marks[mark] ?? mark));
+}
+
+/** A text of a legend, which may be a number with its unit. */
+function sayKey(text) {
+  return data.languages[language].texts[text] ?? inMarks(text);
+}
+
 /** An element with text; text is never read as HTML. */
 function element(tag, text = "", className = "") {
   const made = document.createElement(tag);
@@ -80,16 +91,27 @@ function features(layer) {
     const feature = new Feature(reader.readGeometry(one.geometry));
     feature.set("style", olStyle(layer.symbols[one.symbol]));
     if (one.label) feature.set("name style", nameStyle(one.label, layer.names_overflow));
+    if (one.measured) feature.set("measured", one.label);
     feature.set("shared", { layer, one });
     return feature;
   });
 }
 
+function shownName(feature) {
+  const style = feature.get("name style");
+  const measured = feature.get("measured");
+  if (measured) style.getText().setText(inMarks(measured));
+  return style;
+}
+
+const nameLayers = [];
+
 /** A layer that is hidden at first gets its features when it is first shown. Its names lie above all layers. */
 function vectorLayer(layer) {
   const source = new VectorSource();
   const shapes = new VectorLayer({ source, style: (one) => one.get("style"), updateWhileInteracting: true });
-  const names = new VectorLayer({ source, style: (one) => one.get("name style"), declutter: true, zIndex: 1 });
+  const names = new VectorLayer({ source, style: shownName, declutter: true, zIndex: 1 });
+  nameLayers.push(names);
   const made = new LayerGroup({ layers: [shapes, names], visible: layer.shown });
   if (layer.shown) source.addFeatures(features(layer));
   else made.once("change:visible", () => source.addFeatures(features(layer)));
@@ -131,6 +153,8 @@ window.furrowmapPage = { map, showAll };
 
 // ---- what a tap shows
 
+const MEASURES = new Set([...data.measures, "Perimeter"]);
+
 function showCard(title, rows) {
   const card = byId("card");
   card.replaceChildren();
@@ -141,7 +165,9 @@ function showCard(title, rows) {
   close.addEventListener("click", () => (mode ? endMeasuring() : showCard("")));
   card.append(close, element("h2", title));
   const list = element("dl");
-  for (const [name, value] of rows) list.append(element("dt", say(name)), element("dd", say(value)));
+  for (const [name, value] of rows) {
+    list.append(element("dt", say(name)), element("dd", MEASURES.has(name) ? inMarks(value) : say(value)));
+  }
   card.append(list);
 }
 
@@ -321,7 +347,7 @@ function unbroken(text) {
 
 function keyItem(symbol, label) {
   const item = element("li");
-  item.append(swatch(symbol), document.createTextNode(say(label)));
+  item.append(swatch(symbol), document.createTextNode(sayKey(label)));
   return item;
 }
 
@@ -406,6 +432,7 @@ byId("menu").addEventListener("click", () => openPanel(!document.body.classList.
 byId("language").addEventListener("change", () => {
   language = byId("language").value;
   showCard("");
+  nameLayers.forEach((layer) => layer.changed());
   fillPanel();
 });
 byId("distance").addEventListener("click", () => measure("distance"));

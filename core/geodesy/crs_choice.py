@@ -13,7 +13,7 @@ from pyproj.database import CRSInfo, query_utm_crs_info
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.longitudes import principal_deg
 from furrowmap.core.geodesy.projection import AREA_MARGIN_DEG, MAX_SCALE_ERROR, scale_of
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, figure_text
 
 _ZONES_OF_JAPAN: Final = {
     6669: "Nagasaki and the western islands of Kagoshima",
@@ -255,5 +255,6 @@ def _outside_deg(box: _Box, lon_deg: float, lat_deg: float) -> float:
     return math.hypot(beside, max(south - lat_deg, 0.0, lat_deg - north))
 
 
-def _place(lon_deg: float, lat_deg: float) -> str:
-    return f"{abs(lat_deg):.4f}°{'S' if lat_deg < 0 else 'N'} {abs(lon_deg):.4f}°{'W' if lon_deg < 0 else 'E'}"
+def _place(lon_deg: float, lat_deg: float) -> Text:
+    south, west = "S" if lat_deg < 0 else "N", "W" if lon_deg < 0 else "E"
+    return figure_text(f"{abs(lat_deg):.4f}°{south} {abs(lon_deg):.4f}°{west}")

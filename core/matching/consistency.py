@@ -19,7 +19,7 @@ from furrowmap.core.matching.yaw_ambiguity import Facing
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, figure_text
 from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan, named_offset
@@ -298,7 +298,9 @@ def _sway_in_words(sway: AntennaSway) -> Text:
             clock_s=sway.clock_s,
         )
     off = tuple(
-        Text("further {where} by {far} (95 %)", where=where, far=with_margin(value, sigma, " m", sign=True))
+        Text(
+            "further {where} by {far} (95 %)", where=where, far=figure_text(with_margin(value, sigma, " m", sign=True))
+        )
         for value, sigma, where in zip(sway.lever_m, sway.sigma_m, _SWAY_DIRECTIONS, strict=True)
         if abs(value) > LEVER_CERTAIN_SIGMAS * sigma
     )

@@ -29,6 +29,7 @@ from furrowmap.core.pointclouds.placed_scans import PLACED_AHEAD, PlacedScan, Pl
 from furrowmap.core.readers.areas.area import nothing_within
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead, behind
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.languages.texts import figure_text
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession, watched
 from furrowmap.core.values.images import CONTRADICTING
@@ -180,7 +181,7 @@ def place_within(
     )
     if area is not None and not placement.points and placement.points_elsewhere:
         east_m, north_m = np.median(placement.poses.xyz_m[:, :2], axis=0).tolist()
-        raise nothing_within(area, f"{placement.points_elsewhere:,} points", (east_m, north_m))
+        raise nothing_within(area, figure_text(f"{placement.points_elsewhere:,} points"), (east_m, north_m))
     return placement
 
 

@@ -21,7 +21,7 @@ from furrowmap.core.readers.reader import (
     Recognised,
 )
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, figure_text
 from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc
 from furrowmap.core.values.scan import Clock, ClockReading, likely_offset, overlap_s
 
@@ -190,10 +190,10 @@ def _span(reading: ClockReading) -> Text:
     return Text("{first} to {last}", first=iso_utc(reading.first_s), last=iso_utc(reading.last_s))
 
 
-def _length(length_s: float) -> str:
+def _length(length_s: float) -> Text:
     """A duration in a readable unit."""
     if length_s < 2 * HOUR_S:
-        return f"{length_s:.1f} s"
+        return figure_text(f"{length_s:.1f} s")
     if length_s > _LONGEST_S:
-        return f"{length_s:.0e} s"
-    return f"{length_s / HOUR_S:.2f} h" if length_s < 2 * DAY_S else f"{length_s / DAY_S:,.1f} days"
+        return figure_text(f"{length_s:.0e} s")
+    return figure_text(f"{length_s / HOUR_S:.2f} h" if length_s < 2 * DAY_S else f"{length_s / DAY_S:,.1f} days")

@@ -8,8 +8,9 @@ import math
 import re
 from typing import Final
 
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, figure_text, in_marks
 from furrowmap.core.values.margins import with_margin
+from furrowmap.exporters.reports.page_language import language_of
 from furrowmap.exporters.reports.quantity_words import NOT_KNOWN
 
 HECTARE: Final = "ha"
@@ -44,7 +45,11 @@ def work_rate(rate_ha_h: float) -> Words:
 
 
 def in_area_unit(page: str, unit: str) -> str:
-    """A page with its areas and work rates in one of :data:`AREA_UNITS`, whatever unit they were in."""
+    """A page with its areas and work rates in one of :data:`AREA_UNITS`, whatever unit they were in.
+
+    Their numbers follow the language of the page.
+    """
+    language = language_of(page)
 
     def element(found: re.Match[str]) -> str:
         kind, value, sigma = found.groups()
@@ -54,7 +59,7 @@ def in_area_unit(page: str, unit: str) -> str:
             else area_words(float(value), unit, float(sigma) if sigma else None)
         )
         spread = f' data-sigma="{sigma}"' if sigma else ""
-        return f'<data class="{kind}" value="{value}"{spread}>{words}</data>'
+        return f'<data class="{kind}" value="{value}"{spread}>{in_marks(words, language)}</data>'
 
     return _AREA_ELEMENT.sub(element, _AREA_MARK.sub(element, page))
 
@@ -69,8 +74,8 @@ def area_text(area_m2: float, unit: str, sigma_m2: float | None = None) -> Words
     small = abs(area_m2) < _SMALL_M2[unit]
     unit_m2, digits, name = (1.0, 1 if abs(area_m2) >= _FINE_M2 else 2, "m²") if small else _UNITS[unit]
     if unit == ACRE and not small:
-        return Text("{area} acres", area=with_margin(area_m2, sigma_m2, "", 1.0 / unit_m2, digits))
-    return with_margin(area_m2, sigma_m2, f" {name}", 1.0 / unit_m2, digits)
+        return Text("{area} acres", area=figure_text(with_margin(area_m2, sigma_m2, "", 1.0 / unit_m2, digits)))
+    return figure_text(with_margin(area_m2, sigma_m2, f" {name}", 1.0 / unit_m2, digits))
 
 
 def rate_words(rate_ha_h: float, unit: str) -> str:

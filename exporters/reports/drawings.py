@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.coverage.field_work import FieldWork
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, figure_text
 from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathDifferences
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
@@ -249,9 +249,9 @@ def swath_histogram(swaths: SwathDifferences, reach_m: float | None = None) -> M
     middle = 0.5 * (left + WIDTH)
     last = 2 * BINS - 1  # like the first, of all larger differences
     beyond = bool(swaths.histogram[: max(low, 1)].any() or swaths.histogram[min(high, last) :].any())
-    edge = f"{1000 * reach_m:g} mm"
-    least = Text("−{edge} and more", edge=edge) if beyond else f"−{edge}"
-    most = Text("+{edge} and more", edge=edge) if beyond else f"+{edge}"
+    edge = figure_text(f"{1000 * reach_m:g} mm")
+    least = Text("−{edge} and more", edge=edge) if beyond else figure_text(f"−{edge}")
+    most = Text("+{edge} and more", edge=edge) if beyond else figure_text(f"+{edge}")
     parts += [
         segment(middle, top, middle, bottom, class_="threshold"),
         label(left, bottom + 18, least),

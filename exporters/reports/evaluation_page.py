@@ -15,7 +15,7 @@ from furrowmap.core.geodesy.local_time import span_words, zone_at
 from furrowmap.core.geodesy.longitudes import cut_at_antimeridian
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.json_text import json_text
-from furrowmap.core.runtime.languages.texts import Text, Words, label_text
+from furrowmap.core.runtime.languages.texts import Text, Words, figure_text, label_text
 from furrowmap.core.values.earth import earth_centred_m, east_north_up, geodetic
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
@@ -115,7 +115,7 @@ def _statistics(
     if greatest:
         lines[Text("Greatest")] = [row.greatest_m for row in shown]
     for title, values in lines.items():
-        yield [title, *(f"{value:.4f}" if math.isfinite(value) else "–" for value in values)]
+        yield [title, *(figure_text(f"{value:.4f}") if math.isfinite(value) else "–" for value in values)]
 
 
 def _continuity(found: Evaluation) -> list[tuple[Text, Words]]:
@@ -152,7 +152,7 @@ def _continuity(found: Evaluation) -> list[tuple[Text, Words]]:
         (Text("age of corrections"), _age_words(log.age)),
         (
             Text("errors within 1, 2, 3 stated sigmas (expected: 68.3, 95.4, 99.7 %)"),
-            ", ".join(f"{share:.1%}" for share in sigmas.values()) if sigmas else Text("no sigmas stated"),
+            figure_text(", ".join(f"{share:.1%}" for share in sigmas.values())) if sigmas else Text("no sigmas stated"),
         ),
         (Text("test ahead in time (slope of the error along the track over speed)"), ahead),
         (

@@ -15,7 +15,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 
 from furrowmap.core.geodesy.local_time import clock_words, in_local_time
 from furrowmap.core.runtime.errors import Notice, printable
-from furrowmap.core.runtime.languages.texts import LANGUAGES, Text, Words
+from furrowmap.core.runtime.languages.texts import LANGUAGES, Text, Words, figure_text
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters import work_colours
 from furrowmap.exporters.files.atomic import atomic_output
@@ -106,6 +106,7 @@ def _environment() -> Environment:
         "clock": clock_words,
         "days": days_words,
         "duration": duration_words,
+        "figures": figure_text,
         "margin": margin_words,
         "number": number,
         "rate": work_rate,

@@ -33,8 +33,11 @@ _FIGURE: Final = re.compile(r'<data class="(area|rate)" value="([^"]*)"(?: data-
 
 
 def in_page(text: Words) -> str:
-    """A text as it stands in a page before :func:`in_language`; names and numbers are the same in every language."""
-    return said(in_every_language(text)) if isinstance(text, Text) else text
+    """A text as it stands in a page before :func:`in_language`; names are the same in every language."""
+    if not isinstance(text, Text):
+        return text
+    texts = in_every_language(text)
+    return said(texts) if len(set(texts.values())) > 1 else printable(texts[ENGLISH])
 
 
 def said(texts: Mapping[str, str]) -> str:
@@ -69,7 +72,8 @@ def in_language(page: str, language: str) -> str:
         if _SAID.search(piece):
             texts = {one: chosen(piece, one) for one in LANGUAGES}
             if len(set(texts.values())) > 1:
-                kept[number] = texts
+                own = {one: text for one, text in texts.items() if text != texts[ENGLISH]}
+                kept[number] = {ENGLISH: texts[ENGLISH], **own}
             return texts[language]
         texts = kept.get(number, {})
         figures = {_mark(*figure.groups()): figure[0] for figure in _FIGURE.finditer(piece)}

@@ -9,7 +9,7 @@ import numpy as np
 from furrowmap.core.crops.dose_columns import column_words, dose_name, parcel_doses
 from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.crops.response_values import Response
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.languages.texts import Text, figure_text
 from furrowmap.exporters.reports.drawings import padded_bounds
 from furrowmap.exporters.reports.html_pages import render
 from furrowmap.exporters.reports.svg import Sheet, mixed_colour
@@ -57,7 +57,9 @@ def parcel_sections(found: Sequence[MeasuredParcel], response: Response | None =
         max_parcels=MAX_TABLE_PARCELS,
         published=any(math.isfinite(row.published_height_m) for row in found),
         map=sheet.svg(parts, Text("Map of the parcels by height")),
-        colours=[(colour(value), f"{100.0 * value:.1f} cm") for value in np.linspace(low, high, 5).tolist()],
+        colours=[
+            (colour(value), figure_text(f"{100.0 * value:.1f} cm")) for value in np.linspace(low, high, 5).tolist()
+        ],
         response=response,
         chart=chart,
     )

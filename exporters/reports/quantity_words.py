@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, figure_text
 from furrowmap.core.values.margins import margin, with_margin
 
 NOT_KNOWN: Final = Text("unknown")
@@ -13,7 +13,7 @@ _SECONDS: Final = " s"
 
 def number(value: float | None, form: str) -> Words:
     """A value in a format such as "{:.1f} cm"; "unknown" for None and what is not finite."""
-    return form.format(value) if value is not None and math.isfinite(value) else NOT_KNOWN
+    return figure_text(form.format(value)) if value is not None and math.isfinite(value) else NOT_KNOWN
 
 
 def days_words(first: str, last: str) -> str:
@@ -33,11 +33,7 @@ def duration_words(length_s: float) -> Text:
 
 def margin_words(sigma: float | None, unit: str = "", factor: float = 1.0) -> Words:
     """A margin of error, see :func:`~furrowmap.core.values.margins.margin`."""
-    if sigma is None or not math.isfinite(sigma) or sigma <= 0.0:
-        return NOT_KNOWN
-    if unit == _SECONDS:
-        return Text("{seconds} s", seconds=margin(sigma, "", factor))
-    return margin(sigma, unit, factor)
+    return _words(margin(sigma, unit, factor), unit)
 
 
 def with_margin_words(
@@ -50,8 +46,11 @@ def with_margin_words(
     sign: bool = False,
 ) -> Words:
     """A value with its margin of error, see :func:`~furrowmap.core.values.margins.with_margin`."""
-    if value is None or not math.isfinite(value):
+    return _words(with_margin(value, sigma, unit, factor, digits, sign=sign), unit)
+
+
+def _words(said: str, unit: str) -> Words:
+    """Figures in any language."""
+    if said == NOT_KNOWN.template:
         return NOT_KNOWN
-    if unit == _SECONDS:
-        return Text("{seconds} s", seconds=with_margin(value, sigma, "", factor, digits, sign=sign))
-    return with_margin(value, sigma, unit, factor, digits, sign=sign)
+    return Text("{seconds} s", seconds=figure_text(said.removesuffix(unit))) if unit == _SECONDS else figure_text(said)

@@ -14,7 +14,7 @@ from furrowmap.core.geodesy.local_time import span_words
 from furrowmap.core.implement.seen_implement import SeenImplement
 from furrowmap.core.pipeline.causes import Finding, findings
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.runtime.languages.texts import Text, Words, label_text
+from furrowmap.core.runtime.languages.texts import Text, Words, figure_text, label_text
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan import PointClass
@@ -88,7 +88,7 @@ def range_image(
         colours = _colours(np.linspace(0.0, 1.0, 64))[None].astype(np.uint8)
         parts.append(label(left - 6, y + 10, Text("range {low:.1f} m", low=low), "right"))
         parts.append(image(left, y, right, y + 11, colours))
-        parts.append(label(right + 6, y + 10, f"{high:.1f} m"))
+        parts.append(label(right + 6, y + 10, figure_text(f"{high:.1f} m")))
     return drawing(WIDTH, BOTTOM + 42.0, parts, title)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.languages.texts import Text, Words, figure_text
 from furrowmap.exporters.rasters.relief import Box
 from furrowmap.exporters.rasters.web_images import data_uri
 from furrowmap.exporters.reports.page_language import in_page
@@ -120,7 +120,7 @@ class Sheet:
         arrow = whole - 36.0
         frame = (
             element("path", class_="bar", d=f"M12 {y:.1f}H{x:.1f}"),
-            label(x + 8, y + 4, f"{length_m:g} m"),
+            label(x + 8, y + 4, figure_text(f"{length_m:g} m")),
             element("path", class_="arrow", d=f"M{arrow:.1f} {height + 5:.1f}l7 20l-7 -5l-7 5Z"),
             element("text", "N", class_="number", x=whole - 18.0, y=y + 4),
         )
@@ -162,7 +162,7 @@ class Axis:
         values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step + 0.0
         places = self.at(values).tolist()
         lines = [
-            segment(left, y, WIDTH, y, class_="grid") + label(left - 7, y + 4, words(value), "right")
+            segment(left, y, WIDTH, y, class_="grid") + label(left - 7, y + 4, figure_text(words(value)), "right")
             for value, y in zip(values.tolist(), places, strict=True)
         ]
         ticks = "".join(f"M{left} {y:.1f}h-5" for y in places)

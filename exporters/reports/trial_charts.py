@@ -15,7 +15,7 @@ from scipy import special
 from furrowmap.core.crops.response_values import Estimate, Response
 from furrowmap.core.crops.response_words import MIN_WEIGHT, MODEL_WORDS
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.languages.texts import ENGLISH, Text, Words
+from furrowmap.core.runtime.languages.texts import ENGLISH, Text, Words, figure_text
 from furrowmap.exporters.reports.page_language import chosen
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Number, corners, drawing, element, rectangle, segment
 
@@ -61,7 +61,9 @@ def response_chart(dose: FloatArray, points: ParcelValues, response: Response, d
     high = high if high > low else 1.0
     x = Axis(low - 0.03 * (high - low), high + 0.03 * (high - low), _LEFT, _RIGHT)
     y, parts = _vertical_axis(np.concatenate([points.value[known], response.band_low, response.band_high]), points.name)
-    parts += [_text(x.at(value), _BOTTOM + 16, f"{value:g}", "middle") for value in _round_values(low, high)]
+    parts += [
+        _text(x.at(value), _BOTTOM + 16, figure_text(f"{value:g}"), "middle") for value in _round_values(low, high)
+    ]
     parts.append(_text(0.5 * (_LEFT + _RIGHT), _BOTTOM + 36, dose_name, "middle"))
     if response.models:
         optimum = response.economic or response.agronomic
@@ -121,7 +123,10 @@ def residual_chart(expected: FloatArray, residual: FloatArray, points: ParcelVal
         high = float(expected[known].max())
         high = high if high > low else low + 1.0
         x = Axis(low - 0.05 * (high - low), high + 0.05 * (high - low), _LEFT, middle - 10.0)
-        parts += [_text(x.at(value), _BOTTOM + 16, f"{value:.4g}", "middle") for value in _round_values(low, high)]
+        parts += [
+            _text(x.at(value), _BOTTOM + 16, figure_text(f"{value:.4g}"), "middle")
+            for value in _round_values(low, high)
+        ]
         parts += _dots(x.at(expected[known]), y.at(residual[known]), known.tolist(), points)
         order = known[np.argsort(residual[known])]
         share = (np.arange(len(order)) + 0.625) / (len(order) + 0.25)
@@ -132,7 +137,10 @@ def residual_chart(expected: FloatArray, residual: FloatArray, points: ParcelVal
         ends = np.array([-reach, reach])
         line = corners(x.at(ends), y.at(np.clip(spread * ends, y.low, y.high)))
         parts.append(element("polyline", points=line, fill="none", stroke=_RIVAL, stroke_width=1))
-        parts += [_text(x.at(value), _BOTTOM + 16, f"{value:g}", "middle") for value in _round_values(-reach, reach)]
+        parts += [
+            _text(x.at(value), _BOTTOM + 16, figure_text(f"{value:g}"), "middle")
+            for value in _round_values(-reach, reach)
+        ]
         parts += _dots(x.at(normal), y.at(residual[order]), order.tolist(), replace(points, group_name=""))
     parts.append(_text(0.25 * (3.0 * _LEFT + _RIGHT), _BOTTOM + 36, Text("expected"), "middle"))
     parts.append(_text(0.25 * (_LEFT + 3.0 * _RIGHT), _BOTTOM + 36, Text("of a normal distribution"), "middle"))
@@ -184,7 +192,7 @@ def _vertical_axis(values: FloatArray, name: Words) -> tuple[Axis, list[str]]:
     for value in _round_values(axis.low, axis.high):
         y = axis.at(value)
         parts.append(segment(_LEFT, y, _RIGHT, y, stroke=_PALE, stroke_width=1))
-        parts.append(_text(_LEFT - 6, y + 4, f"{value:.4g}", "end"))
+        parts.append(_text(_LEFT - 6, y + 4, figure_text(f"{value:.4g}"), "end"))
     return axis, parts
 
 

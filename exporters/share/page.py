@@ -23,14 +23,22 @@ from furrowmap.core.geodesy.local_time import local_time, zone_words
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import RefusedError, printable
-from furrowmap.core.runtime.languages.texts import LANGUAGES, SHARE, Text, Words, in_every_language, texts_by_language
+from furrowmap.core.runtime.languages.texts import (
+    LANGUAGES,
+    SHARE,
+    Text,
+    Words,
+    figure_text,
+    in_every_language,
+    texts_by_language,
+)
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder, packaged_style, unreadable
 from furrowmap.exporters.rasters.web_images import encode_image
-from furrowmap.exporters.reports.area_units import HECTARE, area_words
+from furrowmap.exporters.reports.area_units import HECTARE, area_text
 from furrowmap.exporters.reports.html_pages import render
 from furrowmap.exporters.reports.quantity_words import duration_words, margin_words
-from furrowmap.exporters.share.page_features import moment_s, shared_layer
+from furrowmap.exporters.share.page_features import MEASURES, moment_s, shared_layer
 from furrowmap.exporters.share.page_points import BYTES_A_POINT, MAX_SHARED_POINTS, shared_points
 from furrowmap.exporters.share.shown_layers import BLENDED, raster_style, rasters_of, shown_at_first, title_of
 
@@ -144,6 +152,7 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
         "crs": {"name": crs.name, "scale": _scale(crs, extent)},
         "extent": extent,
         "layers": [*layers, *pictures],
+        "measures": MEASURES,
         "language": language,
         "languages": texts_by_language(SHARE),
     }
@@ -232,23 +241,27 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
     for name, key in (("Worked", "worked"), ("Overlap", "overlap"), ("Missed", "missed"), ("Not worked", "unworked")):
         area_m2, sigma_m2 = figures.get(f"{key}_area_m2"), figures.get(f"{key}_area_sigma_m2")
         if _is_number(area_m2):
-            value = area_words(area_m2, HECTARE, sigma_m2 if area_m2 > 0.0 else None)
+            value = area_text(area_m2, HECTARE, sigma_m2 if area_m2 > 0.0 else None)
             yield _figure(name, value, loud=name == "Missed" and area_m2 > 0.0)
     for name, value in _crops((report.get("parcels") or {}).get("parcels") or ()):
         yield _figure(name, value)
     hours = figures.get("hours") or {}
     shown = (
-        ("Field", figures.get("field_area_m2"), lambda area_m2: area_words(area_m2, HECTARE)),
-        ("Worked share of the field", figures.get("worked_share"), lambda share: f"{share:.1%}"),
+        ("Field", figures.get("field_area_m2"), lambda area_m2: area_text(area_m2, HECTARE)),
+        ("Worked share of the field", figures.get("worked_share"), lambda share: figure_text(f"{share:.1%}")),
         ("Passes", figures.get("passes"), lambda passes: f"{passes:.0f}"),
         ("In the field", hours.get("field_s"), duration_words),
-        ("Work rate, turns and stops included", figures.get("work_rate_ha_h"), lambda rate: f"{rate:.2f} ha/h"),
-        ("Mean speed at work", figures.get("working_speed_mps"), lambda speed: f"{3.6 * speed:.1f} km/h"),
+        (
+            "Work rate, turns and stops included",
+            figures.get("work_rate_ha_h"),
+            lambda rate: figure_text(f"{rate:.2f} ha/h"),
+        ),
+        ("Mean speed at work", figures.get("working_speed_mps"), lambda speed: figure_text(f"{3.6 * speed:.1f} km/h")),
         ("Turning and reversing", hours.get("turning_s"), duration_words),
         ("Standing", hours.get("idle_s"), duration_words),
         ("Duration", None if hours else figures.get("duration_s"), duration_words),
-        ("Path length", figures.get("distance_m"), lambda length: f"{length:,.0f} m"),
-        ("Points", figures.get("points") or None, lambda points: f"{points:,.0f}"),
+        ("Path length", figures.get("distance_m"), lambda length: figure_text(f"{length:,.0f} m")),
+        ("Points", figures.get("points") or None, lambda points: figure_text(f"{points:,.0f}")),
         *_accuracy(report.get("accuracy") or {}),
     )
     for name, value, words in shown:
@@ -261,17 +274,17 @@ def _figure(name: str, value: Words, *, loud: bool = False) -> dict[str, Any]:
     return {"value": _said(value), "name": [name, *level], "loud": loud}
 
 
-def _crops(parcels: Sequence[dict[str, Any]]) -> Iterator[tuple[str, str]]:
+def _crops(parcels: Sequence[dict[str, Any]]) -> Iterator[tuple[str, Words]]:
     """How many parcels have a height, their heights, and the volume of all of them."""
     heights_m = [parcel["mean_height_m"] for parcel in parcels if _is_number(parcel.get("mean_height_m"))]
     if heights_m:
         mean, low, high = (100.0 * value for value in (fmean(heights_m), min(heights_m), max(heights_m)))
         volumes_m3 = [parcel["volume_m3"] for parcel in parcels if _is_number(parcel.get("volume_m3"))]
         yield "Parcels", str(len(heights_m))
-        yield "Mean crop height", f"{mean:.1f} cm"
-        yield "Lowest to highest parcel", f"{low:.1f} – {high:.1f} cm"
+        yield "Mean crop height", figure_text(f"{mean:.1f} cm")
+        yield "Lowest to highest parcel", figure_text(f"{low:.1f} – {high:.1f} cm")
         if volumes_m3:
-            yield "Crop volume", f"{sum(volumes_m3):,.1f} m³"
+            yield "Crop volume", figure_text(f"{sum(volumes_m3):,.1f} m³")
 
 
 def _notes(report: dict[str, Any]) -> Iterator[dict[str, str]]:

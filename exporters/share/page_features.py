@@ -14,6 +14,7 @@ import shapely
 from furrowmap.core.geodesy.local_time import clock_words, local_time
 from furrowmap.core.readers.vector_file import VectorLayer
 from furrowmap.core.runtime.errors import printable
+from furrowmap.core.runtime.languages.templates import Figures
 from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style
 from furrowmap.exporters.vectors.crop_layers import PARCELS_LAYER
@@ -50,7 +51,7 @@ def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, shown: bool) 
             parts = [known[name] for name in ("tool", style.label_attribute) if name in known]
             feature["label"] = printable(" ".join(map(str, parts)))
         elif name == PARCELS_LAYER and "mean_height_m" in known:
-            feature["label"] = f"{100.0 * known['mean_height_m']:.1f} cm"
+            feature |= {"label": f"{100.0 * known['mean_height_m']:.1f} cm", "measured": True}
         features.append(feature)
     return {
         "name": name,
@@ -120,7 +121,7 @@ def _number(digits: int, unit: str = "", factor: float = 1.0, sigma: str = "") -
 
     def words(value: Any, row: Mapping[str, Any]) -> str:
         said = with_margin(float(value), row.get(sigma), unit, factor, digits)
-        return f"{said} (95 %)" if "±" in said else said
+        return Figures(f"{said} (95 %)" if "±" in said else said)
 
     return words
 
@@ -164,6 +165,8 @@ SHOWN_FIELDS: Final[Mapping[str, tuple[str, Format]]] = {
     "before_m": ("Difference with the stated mounting", _number(1, " mm", 1000.0)),
 }
 """Label and format of the fields that people read; the GeoPackage has all."""
+MEASURES: Final = tuple(label for label, words in SHOWN_FIELDS.values() if isinstance(words(1.0, {}), Figures))
+"""Labels of the fields with numbers that follow the language of the page."""
 
 
 def moment_s(text: str) -> float:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.languages.texts import ENGLISH, Text, texts_of
+from furrowmap.core.runtime.languages.texts import ENGLISH, Text, in_marks, texts_of
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.result_folder import packaged_style, style_of
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, VALUES
@@ -172,7 +172,8 @@ def in_language(style: str, language: str) -> str:
     for tag in _LABELLED_TAGS:
         for one in root.iter(tag):
             if one.get("label"):
-                one.set("label", _known(str(one.get("label")), language))
+                label = str(one.get("label"))
+                one.set("label", texts_of(language).get(label) or in_marks(label, language))
     for tip in root.iter("mapTip"):
         tip.text = _LINE.sub(lambda line: _line(line[0], language), tip.text or "")
     return DOCTYPE + ET.tostring(root, encoding="unicode") + "\n"

@@ -14,6 +14,7 @@ from furrowmap.core.coverage.field_work import SOIL_SIGMA_M
 from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.files.result_folder import open_result, packaged_style
 from furrowmap.exporters.reports.html_pages import render
+from furrowmap.exporters.reports.page_language import chosen
 from furrowmap.exporters.share.page_features import shared_layer
 from furrowmap.workflows.share.export import export
 from tests.exporters.farm.result_folders import field, write_result
@@ -32,7 +33,7 @@ def test_depth__in_report_page_and_kml(written: Path, tmp_path: Path) -> None:
     export([written], "kml", tmp_path / "field.kml")
     marks = ET.parse(tmp_path / "field.kml").findall(".//{*}Data[@name='depth_sigma_m']")
     page = shared_layer("passes", open_result(written).layer("passes"), TOKYO, shown=True)
-    report = render("passes.html", work=field()[1], zone=TOKYO, several=False, max_rows=60)
+    report = chosen(render("passes.html", work=field()[1], zone=TOKYO, several=False, max_rows=60), "en")
     assert page is not None
     assert "depth (approximate, ± 95 %)" in report
     for one, mark, shown in zip(passes.itertuples(), marks, page["features"], strict=True):

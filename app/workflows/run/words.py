@@ -12,7 +12,7 @@ from zoneinfo import ZoneInfo
 
 from furrowmap.core.geodesy.local_time import span_words
 from furrowmap.core.runtime.errors import printable
-from furrowmap.core.runtime.languages.texts import Text, Words, in_language
+from furrowmap.core.runtime.languages.texts import Text, Words, figure_text, in_language
 from furrowmap.core.values.margins import MARGIN_SIGMAS
 from furrowmap.exporters.files.result_folder import REPORT_PAGE
 from furrowmap.exporters.reports.area_units import area_text
@@ -115,7 +115,7 @@ def _crops(parcels: Mapping[str, Any], language: str) -> Rows:
             )
         yield Text("crop height"), said
     if volumes_m3:
-        yield Text("crop volume"), f"{sum(volumes_m3):,.1f} m³"
+        yield Text("crop volume"), figure_text(f"{sum(volumes_m3):,.1f} m³")
     if response := parcels.get("response"):
         yield Text("response"), str(response.get(f"sentences_{language}", response["sentences"])[0])
 

@@ -2,6 +2,8 @@
 
 In a template `{name}` is a value, `{name:.1f}` a value with its format (English alone states formats), and
 `{name:one|other}` is a choice: `one` where the value is neither None, False nor empty. `{{` and `}}` are braces.
+`{name:figures}` is a string with numbers in English notation, such as "33.43 ± 0.21 m²", which follow the language as
+numbers do.
 """
 
 import re
@@ -13,6 +15,14 @@ from typing import Final, TypeAlias
 Part: TypeAlias = "str | Hole | Choice"
 _TOKEN: Final = re.compile(r"\{\{|\}\}|[{}|]")
 _HOLE_NAME: Final = re.compile(r"([a-z_0-9]+)(![rs])?(:)?")
+FIGURES: Final = "figures"
+"""The format of a hole for a string with numbers."""
+
+
+class Figures(str):
+    """Numbers in English notation: they get the marks of a language, but not in code, where they can be typed."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True)
@@ -104,8 +114,11 @@ def shown(value: object, hole: Hole | Choice) -> str | bool | None:
         return bool(value)
     if value is None or value is False:
         return value
-    named = repr(value) if hole.conversion == "r" else value
-    return format(named, hole.spec) if hole.spec else str(named)
+    if hole.spec == FIGURES:
+        return Figures(value)
+    if hole.conversion == "r":
+        return format(repr(value), hole.spec)
+    return Figures(format(value, hole.spec)) if isinstance(value, int | float) else format(value, hole.spec)
 
 
 def fill(
@@ -120,7 +133,8 @@ def fill(
         if isinstance(part, str):
             text += part
         elif isinstance(part, Hole):
-            value = str(values[part.name])
+            given = values[part.name]
+            value = given if isinstance(given, str) else str(given)
             text += value if text.count("`") % 2 else said(value)
         else:
             chosen = values[part.name]

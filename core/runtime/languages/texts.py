@@ -7,9 +7,12 @@ A language is one file, such as `ja.toml`, with its own `name`. English has only
     "line {line} names {name!r}" = "{line} 行目に {name} があります"
 
 A template that a language lacks is shown in English. `[words]` holds words that come as plain strings, `[share]`
-and `[live]` the texts of places that have other words for some of them, as contexts of gettext do.
+and `[live]` the texts of places that have other words for some of them, as contexts of gettext do. `[numbers]` has the
+marks of a language that writes numbers otherwise than English does: `decimal`, `thousands`, and `between` the numbers
+of a list.
 """
 
+import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +21,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from furrowmap.core.runtime.languages.templates import Hole, Part, fill, holes_of, parts_of, shown
+from furrowmap.core.runtime.languages.templates import FIGURES, Figures, Hole, Part, fill, holes_of, parts_of, shown
 from furrowmap.core.runtime.urls import without_passwords
 
 ENGLISH: Final = "en"
@@ -76,7 +79,11 @@ SHARE: Final = "share"
 LIVE: Final = "live"
 """The place of the texts of the live page."""
 PLACES_WITH_OWN_WORDS: Final = (SHARE, LIVE)
-_NO_MESSAGES: Final = (TEXT_TABLE, WORDS, *PLACES_WITH_OWN_WORDS)
+NUMBERS: Final = "numbers"
+"""The table of a language with its marks in numbers."""
+_NO_MESSAGES: Final = (TEXT_TABLE, WORDS, NUMBERS, *PLACES_WITH_OWN_WORDS)
+_ENGLISH_MARK: Final = re.compile(r"(?<=\d)[.,](?=\d)|, (?=[-+−]?\d)")
+_ONLY_FIGURES: Final = f"{{figures:{FIGURES}}}"
 
 
 def shown_values(
@@ -93,14 +100,17 @@ def shown_values(
         if isinstance(hole, Hole) and (isinstance(value, tuple) or (hole.spec in LIST_STYLES and hole.spec)):
             found[name] = joined(value if isinstance(value, tuple) else (value,), hole.spec, language)
         else:
-            found[name] = shown(in_language(value, language), hole)
+            said = shown(in_language(value, language), hole)
+            found[name] = str(said) if isinstance(value, Text) and isinstance(hole, Hole) else said
     return found
 
 
 def joined(items: Sequence[Value], style: str, language: str) -> str:
     """A list in a language, with the separators of a style; empty for none."""
     between, last = (texts_of(language).get(mark, mark) for mark in LIST_STYLES[style])
-    said = [str(in_language(item, language)) for item in items]
+    said = [
+        in_marks(str(item), language) if isinstance(item, float) else str(in_language(item, language)) for item in items
+    ]
     return last.join([between.join(said[:-1]), said[-1]]) if len(said) > 1 else "".join(said)
 
 
@@ -121,7 +131,25 @@ def reason(error: BaseException) -> Words:
 def filled(parts: tuple[Part, ...], values: Mapping[str, str | bool | None], language: str) -> str:
     """A template with values; words of the product among them, such as names of kinds, are in the language."""
     words = words_of(language)
-    return fill(parts, values, lambda value: words.get(value, value))
+    return fill(parts, values, lambda v: in_marks(v, language) if isinstance(v, Figures) else words.get(v, v))
+
+
+def figure_text(text: str) -> Text:
+    """A string with numbers in English notation, such as "33.43 ± 0.21 m²", as a text in any language."""
+    return Text(_ONLY_FIGURES, figures=text)
+
+
+def in_marks(text: str, language: str) -> str:
+    """A string with numbers in English notation in that of a language."""
+    marks = marks_of(language)
+    return _ENGLISH_MARK.sub(lambda mark: marks[mark[0]], text) if marks else text
+
+
+@cache
+def marks_of(language: str) -> Mapping[str, str]:
+    """The marks of a language by those of English; none where they are the same."""
+    own: Mapping[str, str] = catalogue(language).get(NUMBERS, {})
+    return {".": own["decimal"], ",": own["thousands"], ", ": own["between"]} if own else {}
 
 
 def plain_value(value: Any) -> Value:
@@ -191,8 +219,11 @@ def texts_of(language: str, place: str = "") -> Mapping[str, str]:
 
 
 def texts_by_language(place: str) -> dict[str, dict[str, Any]]:
-    """The name of each language and its texts of a place, for a page that chooses its language itself."""
-    return {one: {"name": catalogue(one)["name"], "texts": texts_of(one, place)} for one in LANGUAGES}
+    """Name, texts of a place and marks in numbers of each language, for a page that chooses its language itself."""
+    return {
+        one: {"name": catalogue(one)["name"], "texts": texts_of(one, place), "marks": marks_of(one)}
+        for one in LANGUAGES
+    }
 
 
 @cache

@@ -24,7 +24,7 @@ def test_durations(length_s: float, words: str) -> None:
 
 
 def test_numbers__that_are_not_known_are_called_so() -> None:
-    assert number(1.25, "{:.1f} m") == "1.2 m"
+    assert str(number(1.25, "{:.1f} m")) == "1.2 m"
     assert number(float("nan"), "{:.1f} m") == number(None, "{:.1f} m") == NOT_KNOWN
     assert str(NOT_KNOWN) == "unknown"
     assert _median(np.array([np.nan, 3.0, 1.0, 2.0])) == 2.0

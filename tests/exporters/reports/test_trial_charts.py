@@ -51,6 +51,10 @@ def response(optimum: Estimate | None = None) -> Response:
     return replace(bare, models=models, agronomic=optimum, highest=160.0, dose=dose, **band)
 
 
+def in_english(chart: str) -> ET.Element:
+    return ET.fromstring(chosen(chart, "en"))
+
+
 def axes(root: ET.Element) -> tuple[FloatArray, FloatArray]:
     """The places of dots, and their values by the labels of the axes: (n, 2) each."""
     labels = [text for text in root.iter("text") if text.text and text.attrib.get("text-anchor") in ("end", "middle")]
@@ -67,7 +71,7 @@ def _is_number(text: ET.Element) -> bool:
 
 def test_response_chart__shows_each_parcel_at_its_dose_and_height() -> None:
     chart = response_chart(DOSE, POINTS, response(), "n_kg_ha")
-    root = ET.fromstring(chart)
+    root = in_english(chart)
     _, read = axes(root)
     assert read == pytest.approx(np.column_stack([DOSE, HEIGHT_M])[KNOWN], abs=0.2)
     assert read[:, 1] == pytest.approx(HEIGHT_M[KNOWN], abs=2e-4)
@@ -80,7 +84,7 @@ def test_response_chart__shows_each_parcel_at_its_dose_and_height() -> None:
 @pytest.mark.parametrize(("low", "high"), [(60.0, 120.0), (0.0, 160.0)])
 def test_response_chart__shows_the_curve_its_band_a_rival_and_the_optimum(low: float, high: float) -> None:
     found = response(Estimate(80.0, low, high))
-    root = ET.fromstring(response_chart(DOSE, POINTS, found, "n_kg_ha"))
+    root = in_english(response_chart(DOSE, POINTS, found, "n_kg_ha"))
     places, read = axes(root)
     to_dose, to_height = (np.poly1d(np.polyfit(places[:, k], read[:, k], 1)) for k in range(2))
     (rival, line), (band,) = root.iter("polyline"), root.iter("polygon")
@@ -102,14 +106,14 @@ def test_response_chart__shows_the_curve_its_band_a_rival_and_the_optimum(low: f
 
 
 def test_response_chart__has_no_dashes_at_an_optimum_beyond_the_doses() -> None:
-    root = ET.fromstring(response_chart(DOSE, POINTS, response(Estimate(160.0, 100.0, 160.0, False, True)), "dose"))
+    root = in_english(response_chart(DOSE, POINTS, response(Estimate(160.0, 100.0, 160.0, False, True)), "dose"))
     (key,) = (shape for shape in root.iter("line") if "stroke-dasharray" in shape.attrib)
     assert span(key, "y")[0] > 320.0  # of the legend
 
 
 def test_residual_chart__has_each_parcel_over_what_is_expected_and_over_the_normal_distribution() -> None:
     residual = np.where(KNOWN, HEIGHT_M - 0.55, np.nan)
-    root = ET.fromstring(residual_chart(np.where(KNOWN, 0.55 + 0.01 * np.arange(10), np.nan), residual, POINTS))
+    root = in_english(residual_chart(np.where(KNOWN, 0.55 + 0.01 * np.arange(10), np.nan), residual, POINTS))
     dots = np.array([(c.attrib["cx"], c.attrib["cy"]) for c in root.iter("circle") if c.attrib["r"] == "3.5"], float)
     assert len(dots) == 2 * KNOWN.sum()
     left, right = dots[: KNOWN.sum()], dots[KNOWN.sum() :]
@@ -125,7 +129,7 @@ def test_residual_chart__has_each_parcel_over_what_is_expected_and_over_the_norm
 def test_dots__have_the_colour_that_the_legend_gives_their_block(count: int) -> None:
     blocks = [f"{k % count}" for k in range(22)]
     points = ParcelValues(np.linspace(0.2, 0.8, 22), blocks, "height, m", "block")
-    root = ET.fromstring(response_chart(np.linspace(0.0, 100.0, 22), points, response(), "dose"))
+    root = in_english(response_chart(np.linspace(0.0, 100.0, 22), points, response(), "dose"))
     circles = [*root.iter("circle")]
     dots, legend = circles[:22], circles[22:]
     above = [text for text in root.iter("text") if float(text.attrib["y"]) == 16.0]
@@ -143,7 +147,7 @@ def test_dots__have_the_colour_that_the_legend_gives_their_block(count: int) -> 
 
 def test_legend__needs_a_name_of_the_groups() -> None:
     points = ParcelValues(HEIGHT_M, BLOCK, "height, m")
-    root = ET.fromstring(response_chart(DOSE, points, response(), "dose"))
+    root = in_english(response_chart(DOSE, points, response(), "dose"))
     assert len([*root.iter("circle")]) == KNOWN.sum()
 
 
@@ -152,7 +156,7 @@ TREATMENT = ["N0", "N40", "N90", "N160", "N0", "N40", "N90", "N160", "N0", "N40"
 
 
 def test_category_chart__shows_parcels_means_and_intervals() -> None:
-    root = ET.fromstring(category_chart(TREATMENT, POINTS, MEANS))
+    root = in_english(category_chart(TREATMENT, POINTS, MEANS))
     places, read = axes(root)
     chosen = [k for k, name in enumerate(TREATMENT) if name != "N40" and np.isfinite(HEIGHT_M[k])]
     assert read[:, 1] == pytest.approx(HEIGHT_M[chosen], abs=2e-4)
@@ -177,7 +181,7 @@ def test_category_chart__shows_parcels_means_and_intervals() -> None:
 def test_category_chart__has_room_for_its_names_and_groups(count: int) -> None:
     names = [f"treatment {k}" for k in range(count)]
     points = ParcelValues(np.tile([0.3, 0.4, 0.6], count), ["A", "B", "C"] * count, "height, m", "block")
-    root = ET.fromstring(category_chart(np.repeat(names, 3).tolist(), points, [(n, 0.4, 0.3, 0.5) for n in names]))
+    root = in_english(category_chart(np.repeat(names, 3).tolist(), points, [(n, 0.4, 0.3, 0.5) for n in names]))
     labels = [text for text in root.iter("text") if (text.text or "").startswith("treatment")]
     step = 552.0 / count
     at = np.array([float(text.attrib["x"]) for text in labels])
@@ -221,7 +225,7 @@ def test_keys_of_curves__do_not_run_into_each_other_on_a_phone(model: str, langu
 def test_charts__of_any_heights_keep_all_within_their_frame(middle: float, reach: float, values: list[float]) -> None:
     heights = middle + reach * np.array(values)
     points = ParcelValues(heights, ["A"] * len(values), "height")
-    root = ET.fromstring(response_chart(np.arange(float(len(values))), points, response(), "dose"))
+    root = in_english(response_chart(np.arange(float(len(values))), points, response(), "dose"))
     dots = np.array([(c.attrib["cx"], c.attrib["cy"]) for c in root.iter("circle")], float)
     lines = np.array([span(line, "x") for line in root.iter("line")])
     assert len(lines) >= 1
@@ -260,7 +264,7 @@ def test_ticks__have_the_least_round_step_of_a_fifth_or_more(end: float, step: f
 def test_response_chart__has_the_doses_from_zero_on_across_its_width(
     doses: list[float], low: float, high: float
 ) -> None:
-    root = ET.fromstring(
+    root = in_english(
         response_chart(np.array(doses), ParcelValues(np.array([0.4, 0.6]), "AB", "m"), response(), "dose")
     )
     places = np.array([float(c.attrib["cx"]) for c in root.iter("circle") if c.attrib["r"] == "3.5"])
@@ -270,7 +274,7 @@ def test_response_chart__has_the_doses_from_zero_on_across_its_width(
 def test_charts__of_nothing_known_have_an_axis() -> None:
     nothing = ParcelValues(np.full(2, np.nan), "AB", "height, m")
     for chart in (response_chart(np.arange(2.0), nothing, response(), "dose"), category_chart("AB", nothing, [])):
-        root = ET.fromstring(chart)
+        root = in_english(chart)
         beside = [text.text for text in root.iter("text") if text.attrib.get("text-anchor") == "end"]
         assert beside == ["0", "0.25", "0.5", "0.75", "1"]
 
