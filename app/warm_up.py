@@ -129,8 +129,16 @@ def _compile_module(work: tuple[str, Sequence[tuple[str, str]]]) -> tuple[int, i
 
 def types_of(signature: str, module: ModuleType) -> tuple[Any, ...]:
     """The types of arguments that the list states, with numba's names and those of the kernel's module."""
-    types: tuple[Any, ...] = eval(signature, {**vars(module), **vars(numba.types), "numba": numba})  # noqa: S307 (furrowmap's own list)
+    names = {**vars(module), **vars(numba.types), "numba": numba, "class_of": _class_of}
+    types: tuple[Any, ...] = eval(signature, names)  # noqa: S307 (furrowmap's own list)
     return types
+
+
+def _class_of(path: str) -> type:
+    """A class of named tuples by its module and name."""
+    module, _, name = path.rpartition(".")
+    found: type = getattr(import_module(f"furrowmap.{module}"), name)
+    return found
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types

@@ -62,9 +62,14 @@ def text_of(kind: Any) -> str:
     if isinstance(kind, types.Record):
         return f"numba.from_dtype(np.dtype({numpy_support.as_dtype(kind).descr}))"
     if isinstance(kind, types.BaseTuple):
-        named = f", {kind.instance_class.__name__}" if isinstance(kind, types.BaseNamedTuple) else ""
+        named = f", {class_text(kind.instance_class)}" if isinstance(kind, types.BaseNamedTuple) else ""
         return f"BaseTuple.from_types([{', '.join(map(text_of, kind.types))}]{named})"
     return "boolean" if isinstance(kind, types.Boolean) else str(kind)
+
+
+def class_text(kind: type) -> str:
+    """A class of named tuples as an expression of what :func:`furrowmap.warm_up.types_of` knows."""
+    return f"class_of('{kind.__module__.removeprefix('furrowmap.')}.{kind.__name__}')"
 
 
 def listed() -> set[str]:

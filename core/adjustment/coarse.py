@@ -5,6 +5,7 @@ rigid motion of everything is one of them exactly. The equations are those of al
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,7 @@ from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.kernels import kernel
 
 
-@dataclass(frozen=True)
-class CoarseGrid:
+class CoarseGrid(NamedTuple):
     """The coarse knots of a chain: the first one's index, and the knots between two, 0 where no patches are wanted."""
 
     first: int

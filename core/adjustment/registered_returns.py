@@ -9,9 +9,9 @@ so that absolute observations alone determine it.
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,7 @@ RIDGE: Final = 1e-8
 share of the weight of its height."""
 
 
-@dataclass(frozen=True)
-class Patches:
+class Patches(NamedTuple):
     """Sums by patch of a reference and interval of the coarse knots.
 
     Attributes:
@@ -62,8 +61,7 @@ class Patches:
         return cls(*places, np.zeros((rows, UPPER)), np.zeros((rows, UPPER)), np.zeros((rows, 6)))
 
 
-@dataclass(frozen=True)
-class PatchRows:
+class PatchRows(NamedTuple):
     """Rows of :class:`Patches` while a chain's returns are added in the order of time, with room for some more.
 
     Attributes:
@@ -96,17 +94,12 @@ class PatchRows:
 
     def longer(self) -> "PatchRows":
         """The same with room for twice as many."""
-        columns = vars(self.rows).values()
-        rows = Patches(*(np.concatenate([column, np.zeros_like(column)]) for column in columns))
-        return replace(self, rows=rows)
-
-    def arguments(self) -> tuple[Any, ...]:
-        """Of the kernels that fill them."""
-        return self.west, self.south, self.slots, *vars(self.rows).values(), self.progress
+        rows = Patches._make(np.concatenate([column, np.zeros_like(column)]) for column in self.rows)
+        return self._replace(rows=rows)
 
     def filled(self) -> Patches:
         """Copies of the rows that are filled; the room is not kept."""
-        return Patches(*(column[: self.progress[1]].copy() for column in vars(self.rows).values()))
+        return Patches._make(column[: self.progress[1]].copy() for column in self.rows)
 
 
 class PatchStore:
@@ -133,7 +126,7 @@ class PatchStore:
 
 def _stored(found: Sequence[Patches]) -> Iterator[Patches]:
     """Parts of columns that are together."""
-    whole = [arrays.concatenated([vars(patches)[name] for patches in found]) for name in vars(found[0])]
+    whole = [arrays.concatenated(columns) for columns in zip(*found, strict=True)]
     ends = np.cumsum([len(patches.interval) for patches in found])
     for begin, end in pairwise([0, *ends.tolist()]):
         yield Patches(*(column[begin:end] for column in whole))
@@ -274,28 +267,28 @@ def _factor(matrix, least):  # type: ignore[no-untyped-def]
 
 
 @kernel_part()
-def close_patches(slots, place, first, last, west, south):  # type: ignore[no-untyped-def]
+def close_patches(patches, first, last):  # type: ignore[no-untyped-def]
     """Free the slots of the rows from `first` to before `last`: another interval begins."""
+    place = patches.rows.place
     for k in range(first, last):
-        slots[place[k, 2], place[k, 1] - south, place[k, 0] - west] = -1
+        patches.slots[place[k, 2], place[k, 1] - patches.south, place[k, 0] - patches.west] = -1
 
 
 @kernel_part()
-def add_to_patch(early, late, right, k, row, weight, late_share, residual):  # type: ignore[no-untyped-def]
-    """Add one equation to the sums of row `k`."""
+def add_to_patch(rows, k, row, weight, late_share, residual):  # type: ignore[no-untyped-def]
+    """Add one equation to the sums of row `k` of the patches."""
     entry = 0
     for a in range(6):
         weighted = weight * row[a]
-        right[k, a] -= weighted * residual
+        rows.right[k, a] -= weighted * residual
         for b in range(a, 6):
             product = weighted * row[b]
-            early[k, entry] += (1.0 - late_share) * product
-            late[k, entry] += late_share * product
+            rows.early[k, entry] += (1.0 - late_share) * product
+            rows.late[k, entry] += late_share * product
             entry += 1
 
 
-@dataclass(frozen=True)
-class SliceSums:
+class SliceSums(NamedTuple):
     """Normal equations of the poses of the slices between knots.
 
     A slice's unknowns are position and rotation vector (map axes) of the pose half-way between its two knots.
@@ -304,13 +297,13 @@ class SliceSums:
         normal: (n, 21) upper triangles of the normal matrices, row by row.
         right: (n, 6) right-hand sides against a fixed reference.
         right_free: (n, 6) the same against a reference that moves with the poses.
-        count: (n,) returns that took part.
+        returns: (n,) how many took part.
     """
 
     normal: FloatArray
     right: FloatArray
     right_free: FloatArray
-    count: NDArray[np.int64]
+    returns: NDArray[np.int64]
 
     @classmethod
     def empty(cls, knots: int) -> "SliceSums":
@@ -324,11 +317,8 @@ class SliceSums:
 
     def take(self, other: "SliceSums") -> None:
         """Add the other's sums to these."""
-        for own, more in (
-            (self.normal, other.normal), (self.right, other.right), (self.right_free, other.right_free)
-        ):  # fmt: skip
-            own += more
-        self.count[:] += other.count
+        for own, more in zip(self, other, strict=True):
+            np.add(own, more, out=own)
 
     def add_to(self, equations: NormalEquations, knots: Knots, *, free: bool) -> None:
         """Add the slices to the equations of all knots: a slice's pose is the mean of those of its two knots."""
@@ -368,16 +358,17 @@ def plane_row(row, nx, ny, nz, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel_part()
-def add_to_slice(normal, right, right_free, k, row, weight, residual, residual_free):  # type: ignore[no-untyped-def]
+def add_to_slice(sums, k, row, weight, residual, residual_free):  # type: ignore[no-untyped-def]
     """Add one equation to the sums of slice `k`."""
     entry = 0
     for a in range(6):
         weighted = weight * row[a]
-        right[k, a] -= weighted * residual
-        right_free[k, a] -= weighted * residual_free
+        sums.right[k, a] -= weighted * residual
+        sums.right_free[k, a] -= weighted * residual_free
         for b in range(a, 6):
-            normal[k, entry] += weighted * row[b]
+            sums.normal[k, entry] += weighted * row[b]
             entry += 1
+    sums.returns[k] += 1
 
 
 @dataclass(frozen=True)

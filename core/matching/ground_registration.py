@@ -8,8 +8,7 @@ true relief in their variance. The product of the slopes in the two halves of th
 its mean, because their noise is independent.
 """
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +42,7 @@ MIN_NODE_RETURNS: Final = 1.5
 """Returns that each of the four nodes must hold for a return to be registered."""
 
 
-@dataclass(frozen=True)
-class Relief:
+class Relief(NamedTuple):
     """Variances of the surface's slopes, by its two halves.
 
     Attributes:
@@ -58,8 +56,7 @@ class Relief:
     trim: float = SLOPE_TRIM
 
 
-@dataclass(frozen=True)
-class GroundSums:
+class GroundSums(NamedTuple):
     """Sums over registered returns.
 
     Attributes:
@@ -90,8 +87,7 @@ class GroundSums:
         return Relief(max(products / count, 1e-5), max((squares - products) / expected, 0.3))
 
 
-@dataclass(frozen=True)
-class PlacedReturns:
+class PlacedReturns(NamedTuple):
     """Returns of one chain in the map.
 
     Attributes:
@@ -109,19 +105,27 @@ class PlacedReturns:
     weight: NDArray[np.uint8]
 
 
-@dataclass(frozen=True)
-class ChainPoses:
+class ChainPoses(NamedTuple):
     """Where the equations of a chain's returns belong.
 
     Attributes:
-        chain: of knots that covers the returns.
-        position_m: (knots, 3) contiguous positions at all knots.
+        first: index of the chain's first knot among all.
+        knots: of the chain, in equal steps.
+        begin_s: time of its first knot.
+        position_m: (n, 3) contiguous positions at all knots.
         coarse: coarse knots of the chain; NO_COARSE for a fixed reference.
     """
 
-    chain: Chain
+    first: int
+    knots: int
+    begin_s: float
     position_m: FloatArray
     coarse: CoarseGrid
+
+    @classmethod
+    def of(cls, chain: Chain, position_m: FloatArray, coarse: CoarseGrid) -> "ChainPoses":
+        """Those of a chain."""
+        return cls(chain.first, chain.count, chain.begin_s, position_m, coarse)
 
 
 NO_COARSE: Final = CoarseGrid(0, 0, 1.0)
@@ -143,52 +147,47 @@ def register_ground(
     Returns:
         Sums by patch; empty without coarse knots.
     """
-    tiles = surface.tiles
-    chain = poses.chain
     coarse = poses.coarse
-    slices = sums.slices
     patched = placed.xyz_m[: len(placed.t_s) if coarse.every else 0]
     patches = PatchRows.over(patched, coarse.patch_m, 1024 if coarse.every else 0)
     while patches.progress[0] < len(placed.t_s):
-        _register(
-            placed.t_s, placed.xyz_m, placed.layer, placed.half, placed.weight,
-            chain.first, chain.count, chain.begin_s,
-            tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight,
-            poses.position_m, relief.variance, relief.noise, relief.trim, share,
-            slices.normal, slices.right, slices.right_free, slices.count, sums.tally,
-            coarse.first, coarse.every, coarse.patch_m, *patches.arguments(),
-        )  # fmt: skip
+        _register(placed, surface, poses, relief, share, sums, patches)
         if patches.full:
             patches = patches.longer()
     return patches.filled()
 
 
 @kernel(error_model="numpy", fastmath={"contract", "nsz"})
-def _register(  # type: ignore[no-untyped-def]
-    t_s, xyz_m, layer, half, return_weight, first, count, begin_s, cell_m, west, south, number, height, weight,
-    position_m, relief, noise, trim, share, normal, right, right_free, used, tally, first_coarse, every, patch_m,
-    patch_west, patch_south, slots, place, interval_of, early, late, pull, progress,
-):  # fmt: skip
+def _register(placed, surface, poses, relief, share, sums, patches):  # type: ignore[no-untyped-def]
     """Register returns from the next one on, until all are or another patch would have no room."""
-    n = len(t_s)
-    rows, columns = number.shape
-    begin = progress[0]
-    patches = progress[1]
-    opened = progress[2]
-    now = progress[3]
-    progress[0] = n
+    n = len(placed.t_s)
+    xyz_m = placed.xyz_m
+    tiles = surface.tiles
+    height_m = surface.height_m
+    weight = surface.weight
+    position_m = poses.position_m
+    tally = sums.tally
+    every = poses.coarse.every
+    patch_m = poses.coarse.patch_m
+    table = patches.rows
+    begin = patches.progress[0]
+    filled = patches.progress[1]
+    opened = patches.progress[2]
+    now = patches.progress[3]
+    patches.progress[0] = n
+    rows, columns = tiles.number.shape
     variance = NOISE_M * NOISE_M
-    per_cell = 1.0 / cell_m
+    per_cell = 1.0 / tiles.cell_m
     node = np.empty((2, 4))
     full = np.empty((2, 4))
     mean = np.empty(4)
     row6 = np.empty(6)
     for i in range(begin, n):
-        if every > 0 and patches == len(interval_of):
-            progress[0] = i
+        if every > 0 and filled == len(table.interval):
+            patches.progress[0] = i
             break
-        return_weight[i] = 255
-        if layer[i] < 0:
+        placed.weight[i] = 255
+        if placed.layer[i] < 0:
             continue
         u = xyz_m[i, 0] * per_cell
         s = xyz_m[i, 1] * per_cell
@@ -196,17 +195,17 @@ def _register(  # type: ignore[no-untyped-def]
         y = int(np.floor(s))
         u -= x
         s -= y
-        other = 2 * layer[i] + 1 - half[i]
-        own = 2 * layer[i] + half[i]
+        other = 2 * placed.layer[i] + 1 - placed.half[i]
+        own = 2 * placed.layer[i] + placed.half[i]
         least = least_own = 1e9
         for c in range(4):
             p = y + c // 2
             q = x + c % 2
-            row = (p >> TILE_BITS) - south
-            column = (q >> TILE_BITS) - west
+            row = (p >> TILE_BITS) - tiles.south
+            column = (q >> TILE_BITS) - tiles.west
             tile = -1
             if 0 <= row < rows and 0 <= column < columns:
-                tile = number[row, column]
+                tile = tiles.number[row, column]
             if tile < 0:
                 least = 0.0
                 break
@@ -214,8 +213,8 @@ def _register(  # type: ignore[no-untyped-def]
             q = q & TILE_NODES - 1
             full[0, c] = weight[tile, other, p, q]
             full[1, c] = weight[tile, own, p, q]
-            node[0, c] = height[tile, other, p, q]
-            node[1, c] = height[tile, own, p, q]
+            node[0, c] = height_m[tile, other, p, q]
+            node[1, c] = height_m[tile, own, p, q]
             least = min(least, full[0, c])
             least_own = min(least_own, full[1, c])
         if least < MIN_NODE_RETURNS:
@@ -234,15 +233,15 @@ def _register(  # type: ignore[no-untyped-def]
         certain = 1.0 / spread
         normalised = np.sqrt(residual * residual * certain)
         if normalised > GROUND_GATE:
-            return_weight[i] = 0
+            placed.weight[i] = 0
             continue
         slope_x = (b0 * (node[0, 1] - node[0, 0]) + b1 * (node[0, 3] - node[0, 2])) * per_cell
         slope_y = (a0 * (node[0, 2] - node[0, 0]) + a1 * (node[0, 3] - node[0, 1])) * per_cell
         scale = variance * per_cell * per_cell
         noise_x = scale * (b0 * b0 * (i0 + i1) + b1 * b1 * (i2 + i3))
         noise_y = scale * (a0 * a0 * (i0 + i2) + a1 * a1 * (i1 + i3))
-        true_x = 1.0 / (relief + noise * noise_x)
-        true_y = 1.0 / (relief + noise * noise_y)
+        true_x = 1.0 / (relief.variance + relief.noise * noise_x)
+        true_y = 1.0 / (relief.variance + relief.noise * noise_y)
         tally[4] += 1
         tally[5] += min(normalised, MATCHING_HUBER) ** 2 * spread
         if normalised < 3.0 and least_own >= MIN_NODE_RETURNS:
@@ -250,56 +249,55 @@ def _register(  # type: ignore[no-untyped-def]
             again_y = (a0 * (node[1, 2] - node[1, 0]) + a1 * (node[1, 3] - node[1, 1])) * per_cell
             steep_x = max(slope_x * slope_x, again_x * again_x) * true_x
             steep_y = max(slope_y * slope_y, again_y * again_y) * true_y
-            counts = _counts(np.sqrt(max(steep_x, steep_y)), trim)
+            counts = _counts(np.sqrt(max(steep_x, steep_y)), relief.trim)
             tally[0] += counts * 0.5 * (slope_x * again_x + slope_y * again_y)
             tally[1] += counts * 0.5 * (slope_x * slope_x + slope_y * slope_y)
             tally[2] += counts
             tally[3] += counts * 0.5 * (noise_x + noise_y)
-        slope_x *= relief * true_x
-        slope_y *= relief * true_y
+        slope_x *= relief.variance * true_x
+        slope_y *= relief.variance * true_y
         w = share / CORRELATED * certain
         if normalised > MATCHING_HUBER:
             w *= MATCHING_HUBER / normalised
-            return_weight[i] = np.uint8(255.0 * MATCHING_HUBER / normalised)
+            placed.weight[i] = np.uint8(255.0 * MATCHING_HUBER / normalised)
         for c in range(4):
             mean[c] = (full[0, c] * node[0, c] + full[1, c] * node[1, c]) / (full[0, c] + full[1, c])
         residual_free = xyz_m[i, 2] - (b0 * (a0 * mean[0] + a1 * mean[1]) + b1 * (a0 * mean[2] + a1 * mean[3]))
 
-        local = min(int((t_s[i] - begin_s) / KNOT_STEP_S), count - 2)
-        k = first + local
+        local = min(int((placed.t_s[i] - poses.begin_s) / KNOT_STEP_S), poses.knots - 2)
+        k = poses.first + local
         qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
         qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
         qz = xyz_m[i, 2] - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
         plane_row(row6, -slope_x, -slope_y, 1.0, qx, qy, qz)
-        add_to_slice(normal, right, right_free, k, row6, w, residual, residual_free)
-        used[k] += 1
+        add_to_slice(sums.slices, k, row6, w, residual, residual_free)
 
         if every == 0:
             continue
         interval = local // every
         late_share = (local + 0.5) / every - interval
         if interval != now:
-            close_patches(slots, place, opened, patches, patch_west, patch_south)
+            close_patches(patches, opened, filled)
             now = interval
-            opened = patches
+            opened = filled
         px = int(np.floor(xyz_m[i, 0] / patch_m))
         py = int(np.floor(xyz_m[i, 1] / patch_m))
-        c = slots[layer[i], py - patch_south, px - patch_west]
+        c = patches.slots[placed.layer[i], py - patches.south, px - patches.west]
         if c < 0:
-            c = slots[layer[i], py - patch_south, px - patch_west] = patches
-            place[c, 0] = px
-            place[c, 1] = py
-            place[c, 2] = layer[i]
-            interval_of[c] = first_coarse + interval
-            patches += 1
+            c = patches.slots[placed.layer[i], py - patches.south, px - patches.west] = filled
+            table.place[c, 0] = px
+            table.place[c, 1] = py
+            table.place[c, 2] = placed.layer[i]
+            table.interval[c] = poses.coarse.first + interval
+            filled += 1
         lx = xyz_m[i, 0] - (px + 0.5) * patch_m
         ly = xyz_m[i, 1] - (py + 0.5) * patch_m
         lz = xyz_m[i, 2]
         plane_row(row6, -slope_x, -slope_y, 1.0, lx, ly, lz)
-        add_to_patch(early, late, pull, c, row6, w, late_share, residual_free)
-    progress[1] = patches
-    progress[2] = opened
-    progress[3] = now
+        add_to_patch(table, c, row6, w, late_share, residual_free)
+    patches.progress[1] = filled
+    patches.progress[2] = opened
+    patches.progress[3] = now
 
 
 @kernel_part()

@@ -7,7 +7,7 @@ either half of the scans are matched to the other half's surface, so that no ret
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,7 @@ SHEETS: Final = 4
 """Surfaces in a tile: 2 · layer + half; layer 0 is soil before the implement's first pass, 1 after its last."""
 
 
-@dataclass(frozen=True)
-class Tiles:
+class Tiles(NamedTuple):
     """Square tiles of a grid, of which only those in use take memory.
 
     Attributes:
@@ -43,13 +42,12 @@ class Tiles:
     cell_m: float
 
     @property
-    def count(self) -> int:
+    def used(self) -> int:
         """How many tiles there are."""
         return int(self.number.max(initial=-1)) + 1
 
 
-@dataclass(frozen=True)
-class HeightGrid:
+class HeightGrid(NamedTuple):
     """Heights above the local origin.
 
     Attributes:
@@ -115,8 +113,8 @@ def passage_of(
     steps = int(np.ceil(reach_m / (TILE_NODES * cell_m)))
     across = reach_m * np.linspace(-1.0, 1.0, 2 * steps + 1)
     tiles = tiles_over(np.concatenate([tool_en_m + offset * left_en for offset in across]), cell_m)
-    first = arrays.full((tiles.count, TILE_NODES, TILE_NODES), np.inf)
-    last = arrays.full((tiles.count, TILE_NODES, TILE_NODES), -np.inf)
+    first = arrays.full((tiles.used, TILE_NODES, TILE_NODES), np.inf)
+    last = arrays.full((tiles.used, TILE_NODES, TILE_NODES), -np.inf)
     _sweep(
         np.ascontiguousarray(t_s), np.ascontiguousarray(tool_en_m), np.ascontiguousarray(left_en), half_width_m, cell_m,
         tiles.west, tiles.south, tiles.number, first, last,
@@ -144,8 +142,8 @@ def layers(t_s: FloatArray, en_m: FloatArray, passage: TilePassage | None, guard
 
 def empty_surface(tiles: Tiles) -> HeightGrid:
     """A surface that nothing has been added to."""
-    height = arrays.zeros((tiles.count, SHEETS, TILE_NODES, TILE_NODES), np.float32)
-    weight = arrays.zeros((tiles.count, SHEETS, TILE_NODES, TILE_NODES), np.float32)
+    height = arrays.zeros((tiles.used, SHEETS, TILE_NODES, TILE_NODES), np.float32)
+    weight = arrays.zeros((tiles.used, SHEETS, TILE_NODES, TILE_NODES), np.float32)
     return HeightGrid(tiles, height, weight)
 
 
@@ -176,7 +174,7 @@ def joined(parts: Sequence[HeightGrid]) -> HeightGrid:
     """One surface of the returns of several on the same tiles."""
     whole = parts[0]
     for part in parts[1:]:
-        for tile in range(whole.tiles.count):
+        for tile in range(whole.tiles.used):
             weight = whole.weight[tile]
             height = whole.height_m[tile]
             weight += part.weight[tile]

@@ -65,7 +65,6 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
         return None
     portions = blocks(returns.t_s, knots, LASER_THIN, placing.unused)
     surface = session_surface(placing, portions, LASER_CELL_M)
-    tiles = surface.tiles
     sensor_m = state.xyz_m + state.rotation @ sensor.xyz_m
     axes = state.rotation @ (sensor.turn @ axis)
 
@@ -73,11 +72,9 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
         sums = np.zeros((4, MAX_LASERS))
         for c, part in share:
             placed = placing.ground(c, part)
-            k, laser, more = knots.at(placed.t_s)[0], np.array(returns.laser[part]), np.zeros((4, MAX_LASERS))
-            _sum(
-                placed.xyz_m, placed.layer, placed.half, laser, tiles.cell_m, tiles.west, tiles.south, tiles.number,
-                surface.height_m, surface.weight, sensor_m[k], axes[k], *more,
-            )  # fmt: skip
+            k = knots.at(placed.t_s)[0]
+            more = np.zeros((4, MAX_LASERS))
+            _sum(placed, np.array(returns.laser[part]), surface, sensor_m[k], axes[k], more)
             sums += more
         return sums
 
@@ -111,37 +108,36 @@ def ranges_of(sums: FloatArray) -> LaserRanges | None:
 
 
 @kernel()
-def _sum(  # type: ignore[no-untyped-def]
-    xyz_m, layer, half, laser, cell_m, west, south, number, height, weight, sensor_m, axis,
-    normal, right, elevation, count,
-):  # fmt: skip
-    """Add placed returns to the sums of their lasers, each against the other half's surface."""
-    rows, columns = number.shape
+def _sum(placed, laser, surface, sensor_m, axis, sums):  # type: ignore[no-untyped-def]
+    """Add placed returns to the sums (4, MAX_LASERS) of their lasers, each against the other half's surface."""
+    xyz_m = placed.xyz_m
+    tiles = surface.tiles
+    rows, columns = tiles.number.shape
     for i in range(len(xyz_m)):
-        if layer[i] < 0:
+        if placed.layer[i] < 0:
             continue
-        u = xyz_m[i, 0] / cell_m
-        s = xyz_m[i, 1] / cell_m
+        u = xyz_m[i, 0] / tiles.cell_m
+        s = xyz_m[i, 1] / tiles.cell_m
         x = int(np.floor(u))
         y = int(np.floor(s))
         u -= x
         s -= y
-        other = 2 * layer[i] + 1 - half[i]
+        other = 2 * placed.layer[i] + 1 - placed.half[i]
         ground = 0.0
         least = np.inf
         for c in range(4):
             p = y + c // 2
             q = x + c % 2
-            row = (p >> TILE_BITS) - south
-            column = (q >> TILE_BITS) - west
-            if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
+            row = (p >> TILE_BITS) - tiles.south
+            column = (q >> TILE_BITS) - tiles.west
+            if not (0 <= row < rows and 0 <= column < columns) or tiles.number[row, column] < 0:
                 least = 0.0
                 break
-            tile = number[row, column]
+            tile = tiles.number[row, column]
             p = p & TILE_NODES - 1
             q = q & TILE_NODES - 1
-            least = min(least, weight[tile, other, p, q])
-            ground += (s if c // 2 else 1.0 - s) * (u if c % 2 else 1.0 - u) * height[tile, other, p, q]
+            least = min(least, surface.weight[tile, other, p, q])
+            ground += (s if c // 2 else 1.0 - s) * (u if c % 2 else 1.0 - u) * surface.height_m[tile, other, p, q]
         if least < MIN_NODE_RETURNS:
             continue
         residual = xyz_m[i, 2] - ground
@@ -156,10 +152,10 @@ def _sum(  # type: ignore[no-untyped-def]
         distance = np.sqrt(dx * dx + dy * dy + dz * dz)
         a = dz / distance
         k = laser[i]
-        normal[k] += w * a * a
-        right[k] += w * a * residual
-        elevation[k] += (dx * axis[i, 0] + dy * axis[i, 1] + dz * axis[i, 2]) / distance
-        count[k] += 1.0
+        sums[0, k] += w * a * a
+        sums[1, k] += w * a * residual
+        sums[2, k] += (dx * axis[i, 0] + dy * axis[i, 1] + dz * axis[i, 2]) / distance
+        sums[3, k] += 1.0
 
 
 def range_bow_sigma(returns: GroundReturns, sensor_m: FloatArray, axis: FloatArray) -> float:

@@ -96,7 +96,7 @@ class Placing:
     def poses(self, chain: int, coarse: CoarseKnots | None) -> ChainPoses:
         """Where the equations of a chain belong."""
         grid = coarse.grids[chain] if coarse is not None else NO_COARSE
-        return ChainPoses(self.knots.chains[chain], self.position_m, grid)
+        return ChainPoses.of(self.knots.chains[chain], self.position_m, grid)
 
     def _placed(self, chain: int, source: GroundReturns | UprightReturns, part: slice) -> tuple[FloatArray, FloatArray]:
         """Copies of the times, and the places in the map."""

@@ -10,7 +10,7 @@ the poses as those of ground do.
 """
 
 from dataclasses import astuple, dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,8 +90,7 @@ def no_upright() -> UprightReturns:
     return UprightReturns(np.zeros(0), np.zeros((0, 3), np.float32), none, none)
 
 
-@dataclass(frozen=True)
-class WallColumns:
+class WallColumns(NamedTuple):
     """Upright columns, of which only those in use take memory.
 
     Attributes:
@@ -105,8 +104,7 @@ class WallColumns:
     sums: FloatArray
 
 
-@dataclass(frozen=True)
-class Lines:
+class Lines(NamedTuple):
     """Pieces of walls.
 
     Attributes:
@@ -119,7 +117,7 @@ class Lines:
     line: FloatArray
 
     @property
-    def count(self) -> int:
+    def whole(self) -> int:
         """Columns in which both halves show a line."""
         return int(np.isfinite(self.line[:, :, 4]).all(axis=1).sum())
 
@@ -154,8 +152,21 @@ class Scatter:
         return max(self.together / self.apart, MIN_CORRELATED)
 
 
-@dataclass(frozen=True)
-class PlacedUpright:
+class Groups(NamedTuple):
+    """Residuals of walls by half of a column and second.
+
+    Attributes:
+        second: (2 · columns,) the one at hand, −1 before the first.
+        sums: (2 · columns, 3) of it: count, residuals in standard deviations, their squares.
+        tally: (5,) what :class:`Scatter` has of those before.
+    """
+
+    second: NDArray[np.int64]
+    sums: FloatArray
+    tally: FloatArray
+
+
+class PlacedUpright(NamedTuple):
     """Upright returns of one chain in the map.
 
     Attributes:
@@ -172,20 +183,21 @@ class PlacedUpright:
 def columns_over(xyz_m: FloatArray) -> WallColumns:
     """No columns yet, in tiles wherever one of the points (n, 2 or 3) is."""
     tiles = tiles_over(np.ascontiguousarray(xyz_m[:, :2]), COLUMN_CELL_M)
-    return WallColumns(tiles, np.full((tiles.count, TILE_NODES, TILE_NODES), -1, np.int32), np.zeros((0, 2, 8)))
+    return WallColumns(tiles, np.full((tiles.used, TILE_NODES, TILE_NODES), -1, np.int32), np.zeros((0, 2, 8)))
 
 
 def add_upright(columns: WallColumns, xyz_m: FloatArray, half: NDArray[np.uint8]) -> WallColumns:
     """The columns with more returns (n, 3); those outside the tiles are left out."""
     tiles = columns.tiles
     had = len(columns.sums)
-    count = _number(xyz_m, COLUMN_CELL_M, tiles.west, tiles.south, tiles.number, columns.number, had)
+    count = _number(xyz_m, tiles, columns.number, had)
     fresh = np.zeros((count - had, 2, 8))
     fresh[:, :, 6] = np.inf
     fresh[:, :, 7] = -np.inf
     sums = np.concatenate([columns.sums, fresh])
-    _add(xyz_m, half, COLUMN_CELL_M, tiles.west, tiles.south, tiles.number, columns.number, sums)
-    return WallColumns(tiles, columns.number, sums)
+    out = WallColumns(tiles, columns.number, sums)
+    _add(xyz_m, half, out)
+    return out
 
 
 def lines(columns: WallColumns) -> Lines:
@@ -209,26 +221,17 @@ def register_walls(
     Returns:
         Sums by patch, empty without coarse knots, and the scatter of the residuals.
     """
-    tiles = walls.columns.tiles
-    chain = poses.chain
     coarse = poses.coarse
-    tally = np.zeros(5)
-    group = np.full(2 * len(walls.line), -1)
-    group_sums = np.zeros((len(group), 3))
+    groups = Groups(np.full(2 * len(walls.line), -1), np.zeros((2 * len(walls.line), 3)), np.zeros(5))
     patched = placed.xyz_m[: len(placed.t_s) if coarse.every else 0]
     patches = PatchRows.over(patched, WALL_PATCH_M, 64 if coarse.every else 0)
     while patches.progress[0] < len(placed.t_s):
-        _register(
-            placed.t_s, placed.xyz_m, placed.half, chain.first, chain.count, chain.begin_s,
-            COLUMN_CELL_M, tiles.west, tiles.south, tiles.number, walls.columns.number, walls.line,
-            poses.position_m, correlated, share, sums.normal, sums.right, sums.right_free, sums.count,
-            tally, group, group_sums, coarse.first, coarse.every, WALL_PATCH_M, *patches.arguments(),
-        )  # fmt: skip
+        _register(placed, walls, poses, correlated, share, sums, groups, patches)
         if patches.full:
             patches = patches.longer()
-    for of in range(len(group)):
-        _close(group_sums, of, tally)
-    return patches.filled(), Scatter(*tally.tolist())
+    for of in range(len(groups.second)):
+        _close(groups, of)
+    return patches.filled(), Scatter(*groups.tally.tolist())
 
 
 @kernel()
@@ -270,17 +273,17 @@ def select_upright(  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _number(xyz_m, cell_m, west, south, tile_number, number, count):  # type: ignore[no-untyped-def]
+def _number(xyz_m, tiles, number, count):  # type: ignore[no-untyped-def]
     """Number the columns in which points are, from `count` on; returns how many there are then."""
-    rows, columns = tile_number.shape
+    rows, columns = tiles.number.shape
     for i in range(len(xyz_m)):
-        x = int(np.floor(xyz_m[i, 0] / cell_m))
-        y = int(np.floor(xyz_m[i, 1] / cell_m))
-        row = (y >> TILE_BITS) - south
-        column = (x >> TILE_BITS) - west
-        if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
+        x = int(np.floor(xyz_m[i, 0] / tiles.cell_m))
+        y = int(np.floor(xyz_m[i, 1] / tiles.cell_m))
+        row = (y >> TILE_BITS) - tiles.south
+        column = (x >> TILE_BITS) - tiles.west
+        if not (0 <= row < rows and 0 <= column < columns) or tiles.number[row, column] < 0:
             continue
-        tile = tile_number[row, column]
+        tile = tiles.number[row, column]
         if number[tile, y & TILE_NODES - 1, x & TILE_NODES - 1] < 0:
             number[tile, y & TILE_NODES - 1, x & TILE_NODES - 1] = count
             count += 1
@@ -288,26 +291,27 @@ def _number(xyz_m, cell_m, west, south, tile_number, number, count):  # type: ig
 
 
 @kernel_part()
-def _column(e, n, cell_m, west, south, tile_number, number):  # type: ignore[no-untyped-def]
+def _column(e, n, columns):  # type: ignore[no-untyped-def]
     """Number of the column at a place, −1 where there is none, and the place against its centre."""
-    x = int(np.floor(e / cell_m))
-    y = int(np.floor(n / cell_m))
-    row = (y >> TILE_BITS) - south
-    column = (x >> TILE_BITS) - west
-    rows, columns = tile_number.shape
-    if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
+    tiles = columns.tiles
+    x = int(np.floor(e / tiles.cell_m))
+    y = int(np.floor(n / tiles.cell_m))
+    row = (y >> TILE_BITS) - tiles.south
+    column = (x >> TILE_BITS) - tiles.west
+    rows, width = tiles.number.shape
+    if not (0 <= row < rows and 0 <= column < width) or tiles.number[row, column] < 0:
         return -1, 0.0, 0.0
-    found = number[tile_number[row, column], y & TILE_NODES - 1, x & TILE_NODES - 1]
-    return found, e - (x + 0.5) * cell_m, n - (y + 0.5) * cell_m
+    found = columns.number[tiles.number[row, column], y & TILE_NODES - 1, x & TILE_NODES - 1]
+    return found, e - (x + 0.5) * tiles.cell_m, n - (y + 0.5) * tiles.cell_m
 
 
 @kernel()
-def _add(xyz_m, half, cell_m, west, south, tile_number, number, sums):  # type: ignore[no-untyped-def]
+def _add(xyz_m, half, columns):  # type: ignore[no-untyped-def]
     for i in range(len(xyz_m)):
-        c, e, n = _column(xyz_m[i, 0], xyz_m[i, 1], cell_m, west, south, tile_number, number)
+        c, e, n = _column(xyz_m[i, 0], xyz_m[i, 1], columns)
         if c < 0:
             continue
-        s = sums[c, half[i]]
+        s = columns.sums[c, half[i]]
         s[0] += 1.0
         s[1] += e
         s[2] += n
@@ -356,28 +360,30 @@ def _fit(sums):  # type: ignore[no-untyped-def]
 
 
 @kernel(error_model="numpy")
-def _register(  # type: ignore[no-untyped-def]
-    t_s, xyz_m, half, first, count, begin_s, cell_m, west, south, tile_number, number, line, position_m, correlated,
-    share, normal, right, right_free, used, tally, group, group_sums, first_coarse, every, patch_m,
-    patch_west, patch_south, slots, place, interval_of, early, late, pull, progress,
-):  # fmt: skip
+def _register(placed, walls, poses, correlated, share, sums, groups, patches):  # type: ignore[no-untyped-def]
     """Register returns from the next one on, until all are or another patch would have no room."""
-    n = len(t_s)
-    begin = progress[0]
-    patches = progress[1]
-    opened = progress[2]
-    interval_now = progress[3]
-    progress[0] = n
+    n = len(placed.t_s)
+    xyz_m = placed.xyz_m
+    half = placed.half
+    position_m = poses.position_m
+    every = poses.coarse.every
+    tally = groups.tally
+    table = patches.rows
+    begin = patches.progress[0]
+    filled = patches.progress[1]
+    opened = patches.progress[2]
+    interval_now = patches.progress[3]
+    patches.progress[0] = n
     row6 = np.empty(6)
     for i in range(begin, n):
-        if every > 0 and patches == len(interval_of):
-            progress[0] = i
+        if every > 0 and filled == len(table.interval):
+            patches.progress[0] = i
             break
-        c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], cell_m, west, south, tile_number, number)
+        c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], walls.columns)
         if c < 0:
             continue
-        other = line[c, 1 - half[i]]
-        own = line[c, half[i]]
+        other = walls.line[c, 1 - half[i]]
+        own = walls.line[c, half[i]]
         if not (np.isfinite(other[4]) and np.isfinite(own[4])):
             continue
         variance = other[4]
@@ -392,58 +398,59 @@ def _register(  # type: ignore[no-untyped-def]
             w *= WALL_HUBER / normalised
         tally[3] += 1.0
         tally[4] += min(normalised, WALL_HUBER) ** 2 * variance
-        now = int((t_s[i] - begin_s) / GROUP_S)
+        now = int((placed.t_s[i] - poses.begin_s) / GROUP_S)
         of = 2 * c + half[i]
-        if now != group[of]:
-            _close(group_sums, of, tally)
-            group[of] = now
+        if now != groups.second[of]:
+            _close(groups, of)
+            groups.second[of] = now
         signed = min(max(residual / np.sqrt(variance), -WALL_HUBER), WALL_HUBER)
-        group_sums[of, 0] += 1.0
-        group_sums[of, 1] += signed
-        group_sums[of, 2] += signed * signed
+        groups.sums[of, 0] += 1.0
+        groups.sums[of, 1] += signed
+        groups.sums[of, 2] += signed * signed
 
-        local = min(int((t_s[i] - begin_s) / KNOT_STEP_S), count - 2)
-        k = first + local
+        local = min(int((placed.t_s[i] - poses.begin_s) / KNOT_STEP_S), poses.knots - 2)
+        k = poses.first + local
         qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
         qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
         qz = xyz_m[i, 2] - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
         plane_row(row6, other[2], other[3], 0.0, qx, qy, qz)
-        add_to_slice(normal, right, right_free, k, row6, w, residual, residual_free)
-        used[k] += 1
+        add_to_slice(sums, k, row6, w, residual, residual_free)
 
         if every == 0:
             continue
         interval = local // every
         late_share = (local + 0.5) / every - interval
         if interval != interval_now:
-            close_patches(slots, place, opened, patches, patch_west, patch_south)
+            close_patches(patches, opened, filled)
             interval_now = interval
-            opened = patches
-        px = int(np.floor(xyz_m[i, 0] / patch_m))
-        py = int(np.floor(xyz_m[i, 1] / patch_m))
-        p = slots[WALL_LAYER, py - patch_south, px - patch_west]
+            opened = filled
+        px = int(np.floor(xyz_m[i, 0] / WALL_PATCH_M))
+        py = int(np.floor(xyz_m[i, 1] / WALL_PATCH_M))
+        p = patches.slots[WALL_LAYER, py - patches.south, px - patches.west]
         if p < 0:
-            p = slots[WALL_LAYER, py - patch_south, px - patch_west] = patches
-            place[p, 0] = px
-            place[p, 1] = py
-            place[p, 2] = WALL_LAYER
-            interval_of[p] = first_coarse + interval
-            patches += 1
-        lx = xyz_m[i, 0] - (px + 0.5) * patch_m
-        ly = xyz_m[i, 1] - (py + 0.5) * patch_m
+            p = patches.slots[WALL_LAYER, py - patches.south, px - patches.west] = filled
+            table.place[p, 0] = px
+            table.place[p, 1] = py
+            table.place[p, 2] = WALL_LAYER
+            table.interval[p] = poses.coarse.first + interval
+            filled += 1
+        lx = xyz_m[i, 0] - (px + 0.5) * WALL_PATCH_M
+        ly = xyz_m[i, 1] - (py + 0.5) * WALL_PATCH_M
         lz = xyz_m[i, 2]
         plane_row(row6, other[2], other[3], 0.0, lx, ly, lz)
-        add_to_patch(early, late, pull, p, row6, w, late_share, residual_free)
-    progress[1] = patches
-    progress[2] = opened
-    progress[3] = interval_now
+        add_to_patch(table, p, row6, w, late_share, residual_free)
+    patches.progress[1] = filled
+    patches.progress[2] = opened
+    patches.progress[3] = interval_now
 
 
 @kernel_part()
-def _close(group_sums, of, tally):  # type: ignore[no-untyped-def]
+def _close(groups, of):  # type: ignore[no-untyped-def]
     """Count a group of one column and one second, if it has four returns, and begin the next."""
-    if group_sums[of, 0] >= 4.0:
+    sums = groups.sums[of]
+    tally = groups.tally
+    if sums[0] >= 4.0:
         tally[0] += 1.0
-        tally[1] += group_sums[of, 1] * group_sums[of, 1] / group_sums[of, 0]
-        tally[2] += group_sums[of, 2] / group_sums[of, 0]
-    group_sums[of, 0] = group_sums[of, 1] = group_sums[of, 2] = 0.0
+        tally[1] += sums[1] * sums[1] / sums[0]
+        tally[2] += sums[2] / sums[0]
+    sums[0] = sums[1] = sums[2] = 0.0

@@ -70,7 +70,7 @@ def agreed(
     half = (np.arange(n) % 2).astype(np.uint8)
     grid = CoarseGrid(5, every, PATCH_M)
     placed = PlacedReturns(t_s, np.ascontiguousarray(xyz), np.zeros(n, np.int8), half, trust)
-    patches = register_ground(placed, surface, ChainPoses(CHAIN, position, grid), relief, 1.0, sums)
+    patches = register_ground(placed, surface, ChainPoses.of(CHAIN, position, grid), relief, 1.0, sums)
     return Found(sums, patches, trust)
 
 
@@ -124,7 +124,7 @@ def test_equations_are_those_of_a_numerical_derivative(
         for right in (found.sums.slices.right, found.sums.slices.right_free):
             size = scale * np.sqrt(WEIGHT * (residual**2).sum())
             assert np.abs((right[knot] + WEIGHT * design.T @ residual) / size).max() < 0.03
-        assert found.sums.slices.count[knot] == mine.sum()
+        assert found.sums.slices.returns[knot] == mine.sum()
     assert not found.sums.slices.normal[: CHAIN.first].any()
     assert not found.sums.slices.normal[CHAIN.first + CHAIN.count - 1 :].any()
     assert (found.trust == 255).all()
@@ -158,7 +158,7 @@ def test_what_is_far_off_the_ground_or_over_none_takes_no_part() -> None:
     xyz = np.array([[0.03, 0.04, 0.001], [0.53, 0.4, 0.3], [0.2, -0.6, 0.05], [8.0, 0.0, 0.0]])
     t = CHAIN.begin_s + 0.001 * np.arange(4.0)
     found = agreed(xyz, t, surface, np.zeros((KNOTS, 3)))
-    assert found.sums.slices.count.sum() == 2
+    assert found.sums.slices.returns.sum() == 2
     assert found.trust.tolist()[:2] == [255, 0]
     # Four standard deviations off: the weight of two and a half.
     assert found.trust[2] == pytest.approx(255 * 2.5 * NOISE_M / 0.05, rel=0.03)
@@ -172,7 +172,7 @@ def test_ground_goes_as_far_as_all_four_nodes_are_seen(direction: tuple[int, int
     along_m = np.array([edge_m - 0.9 * CELL_M, edge_m - 0.1 * CELL_M, edge_m + 0.1 * CELL_M])
     xyz = np.column_stack([np.outer(along_m, direction), np.zeros(3)])
     taken = [
-        int(agreed(one[None], np.array([CHAIN.begin_s]), surface, np.zeros((KNOTS, 3))).sums.slices.count.sum())
+        int(agreed(one[None], np.array([CHAIN.begin_s]), surface, np.zeros((KNOTS, 3))).sums.slices.returns.sum())
         for one in xyz
     ]
     assert taken == [1, 1, 0]

@@ -99,7 +99,7 @@ def test_tiles_hold_all_points_and_count_no_more(points: list[tuple[float, float
     en = np.array(points)
     tiles = tiles_over(en, 0.15)
     used = tiles.number[tiles.number >= 0]
-    assert sorted(used.tolist()) == list(range(tiles.count))
+    assert sorted(used.tolist()) == list(range(tiles.used))
     expected = set()
     for du in (0, 1):
         for dv in (0, 1):

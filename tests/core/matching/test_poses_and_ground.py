@@ -223,7 +223,7 @@ def turning() -> Turning:
     centre = coarse.centres(knots, state)
     sums = GroundSums.empty(len(knots))
     placed = PlacedReturns(t, xyz, layer, half, trust)
-    patches = register_ground(placed, surface, ChainPoses(chain, state.xyz_m, coarse.grids[0]), Relief(), 1.0, sums)
+    patches = register_ground(placed, surface, ChainPoses.of(chain, state.xyz_m, coarse.grids[0]), Relief(), 1.0, sums)
     fine = NormalEquations(len(knots) * SIZE, 3 * SIZE)
     sums.slices.add_to(fine, knots, free=True)
     equations = coarse_equations(fine, coarse, centre, state, coarse.count)
@@ -271,6 +271,6 @@ def test_stored__patches_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     found = store.all()
     assert found[0].early.base is found[2].early.base  # of the first five rows
     for one, same in zip(parts, found, strict=True):
-        for name, column in vars(one).items():
+        for name, column in one._asdict().items():
             assert np.array_equal(getattr(same, name), column)
             assert getattr(same, name).dtype == column.dtype

@@ -60,7 +60,7 @@ def test_a_wall_is_a_line_of_its_direction() -> None:
     for direction_deg in (0.0, 17.0, 63.0, 90.0, 141.0):
         found = standing(wall((3.1, -7.2), direction_deg, 12.0, 6000, 1))
         known = np.isfinite(found.line[:, :, 4])
-        assert found.count > 12
+        assert found.whole > 12
         normal = found.line[known][:, 2:4]
         off = normal @ [np.cos(np.radians(direction_deg)), np.sin(np.radians(direction_deg))]
         assert np.sqrt(np.mean(off**2)) < 0.02
@@ -68,7 +68,7 @@ def test_a_wall_is_a_line_of_its_direction() -> None:
 
 
 def test_a_wall_on_the_border_of_columns_is_left_out() -> None:
-    assert standing(wall((3.0, -7.0), 0.0, 12.0, 6000, 1)).count == 0
+    assert standing(wall((3.0, -7.0), 0.0, 12.0, 6000, 1)).whole == 0
 
 
 def test_what_is_no_wall_is_none() -> None:
@@ -81,7 +81,7 @@ def test_what_is_no_wall_is_none() -> None:
     moving = wall((0.0, 0.0), 30.0, 3.0, 4000, 5)
     moving[:, :2] += np.linspace(0.0, 1.5, 4000)[:, None] * [0.5, -0.9]
     for what in (crown, roof, curb, few, moving):
-        assert standing(what).count == 0
+        assert standing(what).whole == 0
 
 
 def poses(shift: FloatArray, turn: FloatArray) -> State:
@@ -115,7 +115,7 @@ def agreed(
     placed = origin + np.einsum("nij,nj->ni", state.rotation[k], vehicle_m)
     sums = SliceSums.empty(KNOTS)
     of_all = PlacedUpright(t_s, placed, halves(placed))
-    patches, scatter = register_walls(of_all, walls, ChainPoses(CHAIN, state.xyz_m, coarse), correlated, 1.0, sums)
+    patches, scatter = register_walls(of_all, walls, ChainPoses.of(CHAIN, state.xyz_m, coarse), correlated, 1.0, sums)
     return sums, patches, scatter
 
 
@@ -230,7 +230,7 @@ def test_scatter_counts_groups_of_one_half_one_column_and_one_second() -> None:
     half = random.integers(0, 2, len(xyz), np.uint8)
     column = np.floor(xyz[:, :2] / 0.5).astype(int)
     xyz[:, 1] += 0.02 * random.standard_normal((100, 100))[column[:, 0], column[:, 1]]
-    poses = ChainPoses(Chain(0, knots, 0.0), np.zeros((knots, 3)), CoarseGrid(0, 0, 1.0))
+    poses = ChainPoses.of(Chain(0, knots, 0.0), np.zeros((knots, 3)), CoarseGrid(0, 0, 1.0))
     scatter = register_walls(PlacedUpright(t, xyz, half), walls, poses, 10.0, 1.0, SliceSums.empty(knots))[1]
     _, size = np.unique(np.column_stack([column, half, np.floor(t)]), axis=0, return_counts=True)
     assert scatter.groups == pytest.approx(np.sum(size > 10), rel=0.3)  # columns at the ends of the wall show no line
