@@ -45,10 +45,7 @@ def work_rate(rate_ha_h: float) -> Words:
 
 
 def in_area_unit(page: str, unit: str) -> str:
-    """A page with its areas and work rates in one of :data:`AREA_UNITS`, whatever unit they were in.
-
-    Their numbers follow the language of the page.
-    """
+    """A page with its areas and work rates in one of :data:`AREA_UNITS`, and in the notation of its language."""
     language = language_of(page)
 
     def element(found: re.Match[str]) -> str:

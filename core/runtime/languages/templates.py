@@ -2,8 +2,7 @@
 
 In a template `{name}` is a value, `{name:.1f}` a value with its format (English alone states formats), and
 `{name:one|other}` is a choice: `one` where the value is neither None, False nor empty. `{{` and `}}` are braces.
-`{name:figures}` is a string with numbers in English notation, such as "33.43 ± 0.21 m²", which follow the language as
-numbers do.
+`{name:figures}` is a string with numbers in English notation, such as "33.43 ± 0.21 m²", which follow the language.
 """
 
 import re

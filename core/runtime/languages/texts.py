@@ -8,8 +8,7 @@ A language is one file, such as `ja.toml`, with its own `name`. English has only
 
 A template that a language lacks is shown in English. `[words]` holds words that come as plain strings, `[share]`
 and `[live]` the texts of places that have other words for some of them, as contexts of gettext do. `[numbers]` has the
-marks of a language that writes numbers otherwise than English does: `decimal`, `thousands`, and `between` the numbers
-of a list.
+marks of a language that writes numbers otherwise than English: `decimal`, `thousands`, and `between` those of a list.
 """
 
 import re
@@ -220,10 +219,8 @@ def texts_of(language: str, place: str = "") -> Mapping[str, str]:
 
 def texts_by_language(place: str) -> dict[str, dict[str, Any]]:
     """Name, texts of a place and marks in numbers of each language, for a page that chooses its language itself."""
-    return {
-        one: {"name": catalogue(one)["name"], "texts": texts_of(one, place), "marks": marks_of(one)}
-        for one in LANGUAGES
-    }
+    names = {one: catalogue(one)["name"] for one in LANGUAGES}
+    return {one: {"name": names[one], "texts": texts_of(one, place), "marks": marks_of(one)} for one in LANGUAGES}
 
 
 @cache
