@@ -267,24 +267,23 @@ def _factor(matrix, least):  # type: ignore[no-untyped-def]
 
 
 @kernel_part()
-def close_patches(patches, first, last):  # type: ignore[no-untyped-def]
+def close_patches(slots, place, first, last, west, south):  # type: ignore[no-untyped-def]
     """Free the slots of the rows from `first` to before `last`: another interval begins."""
-    place = patches.rows.place
     for k in range(first, last):
-        patches.slots[place[k, 2], place[k, 1] - patches.south, place[k, 0] - patches.west] = -1
+        slots[place[k, 2], place[k, 1] - south, place[k, 0] - west] = -1
 
 
 @kernel_part()
-def add_to_patch(rows, k, row, weight, late_share, residual):  # type: ignore[no-untyped-def]
-    """Add one equation to the sums of row `k` of the patches."""
+def add_to_patch(early, late, right, k, row, weight, late_share, residual):  # type: ignore[no-untyped-def]
+    """Add one equation to the sums of row `k`."""
     entry = 0
     for a in range(6):
         weighted = weight * row[a]
-        rows.right[k, a] -= weighted * residual
+        right[k, a] -= weighted * residual
         for b in range(a, 6):
             product = weighted * row[b]
-            rows.early[k, entry] += (1.0 - late_share) * product
-            rows.late[k, entry] += late_share * product
+            early[k, entry] += (1.0 - late_share) * product
+            late[k, entry] += late_share * product
             entry += 1
 
 
@@ -358,17 +357,16 @@ def plane_row(row, nx, ny, nz, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel_part()
-def add_to_slice(sums, k, row, weight, residual, residual_free):  # type: ignore[no-untyped-def]
+def add_to_slice(normal, right, right_free, k, row, weight, residual, residual_free):  # type: ignore[no-untyped-def]
     """Add one equation to the sums of slice `k`."""
     entry = 0
     for a in range(6):
         weighted = weight * row[a]
-        sums.right[k, a] -= weighted * residual
-        sums.right_free[k, a] -= weighted * residual_free
+        right[k, a] -= weighted * residual
+        right_free[k, a] -= weighted * residual_free
         for b in range(a, 6):
-            sums.normal[k, entry] += weighted * row[b]
+            normal[k, entry] += weighted * row[b]
             entry += 1
-    sums.returns[k] += 1
 
 
 @dataclass(frozen=True)

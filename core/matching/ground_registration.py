@@ -160,22 +160,38 @@ def register_ground(
 @kernel(error_model="numpy", fastmath={"contract", "nsz"})
 def _register(placed, surface, poses, relief, share, sums, patches):  # type: ignore[no-untyped-def]
     """Register returns from the next one on, until all are or another patch would have no room."""
-    n = len(placed.t_s)
+    # Arrays are taken out of the tuples before the loop: numba counts a reference each time that it takes one.
+    t_s = placed.t_s
     xyz_m = placed.xyz_m
-    tiles = surface.tiles
+    layer = placed.layer
+    half = placed.half
+    robust = placed.weight
     height_m = surface.height_m
     weight = surface.weight
+    tiles = surface.tiles
+    number = tiles.number
+    rows, columns = number.shape
     position_m = poses.position_m
-    tally = sums.tally
     every = poses.coarse.every
     patch_m = poses.coarse.patch_m
-    table = patches.rows
-    begin = patches.progress[0]
-    filled = patches.progress[1]
-    opened = patches.progress[2]
-    now = patches.progress[3]
-    patches.progress[0] = n
-    rows, columns = tiles.number.shape
+    normal = sums.slices.normal
+    right = sums.slices.right
+    right_free = sums.slices.right_free
+    used = sums.slices.returns
+    tally = sums.tally
+    slots = patches.slots
+    place = patches.rows.place
+    interval_of = patches.rows.interval
+    early = patches.rows.early
+    late = patches.rows.late
+    pull = patches.rows.right
+    progress = patches.progress
+    begin = progress[0]
+    filled = progress[1]
+    opened = progress[2]
+    now = progress[3]
+    n = len(t_s)
+    progress[0] = n
     variance = NOISE_M * NOISE_M
     per_cell = 1.0 / tiles.cell_m
     node = np.empty((2, 4))
@@ -183,11 +199,11 @@ def _register(placed, surface, poses, relief, share, sums, patches):  # type: ig
     mean = np.empty(4)
     row6 = np.empty(6)
     for i in range(begin, n):
-        if every > 0 and filled == len(table.interval):
-            patches.progress[0] = i
+        if every > 0 and filled == len(interval_of):
+            progress[0] = i
             break
-        placed.weight[i] = 255
-        if placed.layer[i] < 0:
+        robust[i] = 255
+        if layer[i] < 0:
             continue
         u = xyz_m[i, 0] * per_cell
         s = xyz_m[i, 1] * per_cell
@@ -195,8 +211,8 @@ def _register(placed, surface, poses, relief, share, sums, patches):  # type: ig
         y = int(np.floor(s))
         u -= x
         s -= y
-        other = 2 * placed.layer[i] + 1 - placed.half[i]
-        own = 2 * placed.layer[i] + placed.half[i]
+        other = 2 * layer[i] + 1 - half[i]
+        own = 2 * layer[i] + half[i]
         least = least_own = 1e9
         for c in range(4):
             p = y + c // 2
@@ -205,7 +221,7 @@ def _register(placed, surface, poses, relief, share, sums, patches):  # type: ig
             column = (q >> TILE_BITS) - tiles.west
             tile = -1
             if 0 <= row < rows and 0 <= column < columns:
-                tile = tiles.number[row, column]
+                tile = number[row, column]
             if tile < 0:
                 least = 0.0
                 break
@@ -233,7 +249,7 @@ def _register(placed, surface, poses, relief, share, sums, patches):  # type: ig
         certain = 1.0 / spread
         normalised = np.sqrt(residual * residual * certain)
         if normalised > GROUND_GATE:
-            placed.weight[i] = 0
+            robust[i] = 0
             continue
         slope_x = (b0 * (node[0, 1] - node[0, 0]) + b1 * (node[0, 3] - node[0, 2])) * per_cell
         slope_y = (a0 * (node[0, 2] - node[0, 0]) + a1 * (node[0, 3] - node[0, 1])) * per_cell
@@ -259,45 +275,46 @@ def _register(placed, surface, poses, relief, share, sums, patches):  # type: ig
         w = share / CORRELATED * certain
         if normalised > MATCHING_HUBER:
             w *= MATCHING_HUBER / normalised
-            placed.weight[i] = np.uint8(255.0 * MATCHING_HUBER / normalised)
+            robust[i] = np.uint8(255.0 * MATCHING_HUBER / normalised)
         for c in range(4):
             mean[c] = (full[0, c] * node[0, c] + full[1, c] * node[1, c]) / (full[0, c] + full[1, c])
         residual_free = xyz_m[i, 2] - (b0 * (a0 * mean[0] + a1 * mean[1]) + b1 * (a0 * mean[2] + a1 * mean[3]))
 
-        local = min(int((placed.t_s[i] - poses.begin_s) / KNOT_STEP_S), poses.knots - 2)
+        local = min(int((t_s[i] - poses.begin_s) / KNOT_STEP_S), poses.knots - 2)
         k = poses.first + local
         qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
         qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
         qz = xyz_m[i, 2] - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
         plane_row(row6, -slope_x, -slope_y, 1.0, qx, qy, qz)
-        add_to_slice(sums.slices, k, row6, w, residual, residual_free)
+        add_to_slice(normal, right, right_free, k, row6, w, residual, residual_free)
+        used[k] += 1
 
         if every == 0:
             continue
         interval = local // every
         late_share = (local + 0.5) / every - interval
         if interval != now:
-            close_patches(patches, opened, filled)
+            close_patches(slots, place, opened, filled, patches.west, patches.south)
             now = interval
             opened = filled
         px = int(np.floor(xyz_m[i, 0] / patch_m))
         py = int(np.floor(xyz_m[i, 1] / patch_m))
-        c = patches.slots[placed.layer[i], py - patches.south, px - patches.west]
+        c = slots[layer[i], py - patches.south, px - patches.west]
         if c < 0:
-            c = patches.slots[placed.layer[i], py - patches.south, px - patches.west] = filled
-            table.place[c, 0] = px
-            table.place[c, 1] = py
-            table.place[c, 2] = placed.layer[i]
-            table.interval[c] = poses.coarse.first + interval
+            c = slots[layer[i], py - patches.south, px - patches.west] = filled
+            place[c, 0] = px
+            place[c, 1] = py
+            place[c, 2] = layer[i]
+            interval_of[c] = poses.coarse.first + interval
             filled += 1
         lx = xyz_m[i, 0] - (px + 0.5) * patch_m
         ly = xyz_m[i, 1] - (py + 0.5) * patch_m
         lz = xyz_m[i, 2]
         plane_row(row6, -slope_x, -slope_y, 1.0, lx, ly, lz)
-        add_to_patch(table, c, row6, w, late_share, residual_free)
-    patches.progress[1] = filled
-    patches.progress[2] = opened
-    patches.progress[3] = now
+        add_to_patch(early, late, pull, c, row6, w, late_share, residual_free)
+    progress[1] = filled
+    progress[2] = opened
+    progress[3] = now
 
 
 @kernel_part()

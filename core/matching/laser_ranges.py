@@ -111,10 +111,15 @@ def ranges_of(sums: FloatArray) -> LaserRanges | None:
 def _sum(placed, laser, surface, sensor_m, axis, sums):  # type: ignore[no-untyped-def]
     """Add placed returns to the sums (4, MAX_LASERS) of their lasers, each against the other half's surface."""
     xyz_m = placed.xyz_m
+    layer = placed.layer
+    half = placed.half
+    height_m = surface.height_m
+    weight = surface.weight
     tiles = surface.tiles
-    rows, columns = tiles.number.shape
+    number = tiles.number
+    rows, columns = number.shape
     for i in range(len(xyz_m)):
-        if placed.layer[i] < 0:
+        if layer[i] < 0:
             continue
         u = xyz_m[i, 0] / tiles.cell_m
         s = xyz_m[i, 1] / tiles.cell_m
@@ -122,7 +127,7 @@ def _sum(placed, laser, surface, sensor_m, axis, sums):  # type: ignore[no-untyp
         y = int(np.floor(s))
         u -= x
         s -= y
-        other = 2 * placed.layer[i] + 1 - placed.half[i]
+        other = 2 * layer[i] + 1 - half[i]
         ground = 0.0
         least = np.inf
         for c in range(4):
@@ -130,14 +135,14 @@ def _sum(placed, laser, surface, sensor_m, axis, sums):  # type: ignore[no-untyp
             q = x + c % 2
             row = (p >> TILE_BITS) - tiles.south
             column = (q >> TILE_BITS) - tiles.west
-            if not (0 <= row < rows and 0 <= column < columns) or tiles.number[row, column] < 0:
+            if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
                 least = 0.0
                 break
-            tile = tiles.number[row, column]
+            tile = number[row, column]
             p = p & TILE_NODES - 1
             q = q & TILE_NODES - 1
-            least = min(least, surface.weight[tile, other, p, q])
-            ground += (s if c // 2 else 1.0 - s) * (u if c % 2 else 1.0 - u) * surface.height_m[tile, other, p, q]
+            least = min(least, weight[tile, other, p, q])
+            ground += (s if c // 2 else 1.0 - s) * (u if c % 2 else 1.0 - u) * height_m[tile, other, p, q]
         if least < MIN_NODE_RETURNS:
             continue
         residual = xyz_m[i, 2] - ground

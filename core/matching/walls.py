@@ -230,7 +230,7 @@ def register_walls(
         if patches.full:
             patches = patches.longer()
     for of in range(len(groups.second)):
-        _close(groups, of)
+        _close(groups.sums, of, groups.tally)
     return patches.filled(), Scatter(*groups.tally.tolist())
 
 
@@ -275,15 +275,16 @@ def select_upright(  # type: ignore[no-untyped-def]
 @kernel()
 def _number(xyz_m, tiles, number, count):  # type: ignore[no-untyped-def]
     """Number the columns in which points are, from `count` on; returns how many there are then."""
-    rows, columns = tiles.number.shape
+    tile_number = tiles.number
+    rows, columns = tile_number.shape
     for i in range(len(xyz_m)):
         x = int(np.floor(xyz_m[i, 0] / tiles.cell_m))
         y = int(np.floor(xyz_m[i, 1] / tiles.cell_m))
         row = (y >> TILE_BITS) - tiles.south
         column = (x >> TILE_BITS) - tiles.west
-        if not (0 <= row < rows and 0 <= column < columns) or tiles.number[row, column] < 0:
+        if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
             continue
-        tile = tiles.number[row, column]
+        tile = tile_number[row, column]
         if number[tile, y & TILE_NODES - 1, x & TILE_NODES - 1] < 0:
             number[tile, y & TILE_NODES - 1, x & TILE_NODES - 1] = count
             count += 1
@@ -291,27 +292,30 @@ def _number(xyz_m, tiles, number, count):  # type: ignore[no-untyped-def]
 
 
 @kernel_part()
-def _column(e, n, columns):  # type: ignore[no-untyped-def]
+def _column(e, n, tiles, tile_number, number):  # type: ignore[no-untyped-def]
     """Number of the column at a place, −1 where there is none, and the place against its centre."""
-    tiles = columns.tiles
     x = int(np.floor(e / tiles.cell_m))
     y = int(np.floor(n / tiles.cell_m))
     row = (y >> TILE_BITS) - tiles.south
     column = (x >> TILE_BITS) - tiles.west
-    rows, width = tiles.number.shape
-    if not (0 <= row < rows and 0 <= column < width) or tiles.number[row, column] < 0:
+    rows, columns = tile_number.shape
+    if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
         return -1, 0.0, 0.0
-    found = columns.number[tiles.number[row, column], y & TILE_NODES - 1, x & TILE_NODES - 1]
+    found = number[tile_number[row, column], y & TILE_NODES - 1, x & TILE_NODES - 1]
     return found, e - (x + 0.5) * tiles.cell_m, n - (y + 0.5) * tiles.cell_m
 
 
 @kernel()
 def _add(xyz_m, half, columns):  # type: ignore[no-untyped-def]
+    tiles = columns.tiles
+    tile_number = tiles.number
+    number = columns.number
+    sums = columns.sums
     for i in range(len(xyz_m)):
-        c, e, n = _column(xyz_m[i, 0], xyz_m[i, 1], columns)
+        c, e, n = _column(xyz_m[i, 0], xyz_m[i, 1], tiles, tile_number, number)
         if c < 0:
             continue
-        s = columns.sums[c, half[i]]
+        s = sums[c, half[i]]
         s[0] += 1.0
         s[1] += e
         s[2] += n
@@ -362,28 +366,46 @@ def _fit(sums):  # type: ignore[no-untyped-def]
 @kernel(error_model="numpy")
 def _register(placed, walls, poses, correlated, share, sums, groups, patches):  # type: ignore[no-untyped-def]
     """Register returns from the next one on, until all are or another patch would have no room."""
-    n = len(placed.t_s)
+    # Arrays are taken out of the tuples before the loop: numba counts a reference each time that it takes one.
+    t_s = placed.t_s
     xyz_m = placed.xyz_m
     half = placed.half
+    line = walls.line
+    tiles = walls.columns.tiles
+    tile_number = tiles.number
+    number = walls.columns.number
     position_m = poses.position_m
     every = poses.coarse.every
+    normal = sums.normal
+    right = sums.right
+    right_free = sums.right_free
+    used = sums.returns
+    second = groups.second
+    group_sums = groups.sums
     tally = groups.tally
-    table = patches.rows
-    begin = patches.progress[0]
-    filled = patches.progress[1]
-    opened = patches.progress[2]
-    interval_now = patches.progress[3]
-    patches.progress[0] = n
+    slots = patches.slots
+    place = patches.rows.place
+    interval_of = patches.rows.interval
+    early = patches.rows.early
+    late = patches.rows.late
+    pull = patches.rows.right
+    progress = patches.progress
+    begin = progress[0]
+    filled = progress[1]
+    opened = progress[2]
+    interval_now = progress[3]
+    n = len(t_s)
+    progress[0] = n
     row6 = np.empty(6)
     for i in range(begin, n):
-        if every > 0 and filled == len(table.interval):
-            patches.progress[0] = i
+        if every > 0 and filled == len(interval_of):
+            progress[0] = i
             break
-        c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], walls.columns)
+        c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], tiles, tile_number, number)
         if c < 0:
             continue
-        other = walls.line[c, 1 - half[i]]
-        own = walls.line[c, half[i]]
+        other = line[c, 1 - half[i]]
+        own = line[c, half[i]]
         if not (np.isfinite(other[4]) and np.isfinite(own[4])):
             continue
         variance = other[4]
@@ -398,59 +420,58 @@ def _register(placed, walls, poses, correlated, share, sums, groups, patches):  
             w *= WALL_HUBER / normalised
         tally[3] += 1.0
         tally[4] += min(normalised, WALL_HUBER) ** 2 * variance
-        now = int((placed.t_s[i] - poses.begin_s) / GROUP_S)
+        now = int((t_s[i] - poses.begin_s) / GROUP_S)
         of = 2 * c + half[i]
-        if now != groups.second[of]:
-            _close(groups, of)
-            groups.second[of] = now
+        if now != second[of]:
+            _close(group_sums, of, tally)
+            second[of] = now
         signed = min(max(residual / np.sqrt(variance), -WALL_HUBER), WALL_HUBER)
-        groups.sums[of, 0] += 1.0
-        groups.sums[of, 1] += signed
-        groups.sums[of, 2] += signed * signed
+        group_sums[of, 0] += 1.0
+        group_sums[of, 1] += signed
+        group_sums[of, 2] += signed * signed
 
-        local = min(int((placed.t_s[i] - poses.begin_s) / KNOT_STEP_S), poses.knots - 2)
+        local = min(int((t_s[i] - poses.begin_s) / KNOT_STEP_S), poses.knots - 2)
         k = poses.first + local
         qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
         qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
         qz = xyz_m[i, 2] - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
         plane_row(row6, other[2], other[3], 0.0, qx, qy, qz)
-        add_to_slice(sums, k, row6, w, residual, residual_free)
+        add_to_slice(normal, right, right_free, k, row6, w, residual, residual_free)
+        used[k] += 1
 
         if every == 0:
             continue
         interval = local // every
         late_share = (local + 0.5) / every - interval
         if interval != interval_now:
-            close_patches(patches, opened, filled)
+            close_patches(slots, place, opened, filled, patches.west, patches.south)
             interval_now = interval
             opened = filled
         px = int(np.floor(xyz_m[i, 0] / WALL_PATCH_M))
         py = int(np.floor(xyz_m[i, 1] / WALL_PATCH_M))
-        p = patches.slots[WALL_LAYER, py - patches.south, px - patches.west]
+        p = slots[WALL_LAYER, py - patches.south, px - patches.west]
         if p < 0:
-            p = patches.slots[WALL_LAYER, py - patches.south, px - patches.west] = filled
-            table.place[p, 0] = px
-            table.place[p, 1] = py
-            table.place[p, 2] = WALL_LAYER
-            table.interval[p] = poses.coarse.first + interval
+            p = slots[WALL_LAYER, py - patches.south, px - patches.west] = filled
+            place[p, 0] = px
+            place[p, 1] = py
+            place[p, 2] = WALL_LAYER
+            interval_of[p] = poses.coarse.first + interval
             filled += 1
         lx = xyz_m[i, 0] - (px + 0.5) * WALL_PATCH_M
         ly = xyz_m[i, 1] - (py + 0.5) * WALL_PATCH_M
         lz = xyz_m[i, 2]
         plane_row(row6, other[2], other[3], 0.0, lx, ly, lz)
-        add_to_patch(table, p, row6, w, late_share, residual_free)
-    patches.progress[1] = filled
-    patches.progress[2] = opened
-    patches.progress[3] = interval_now
+        add_to_patch(early, late, pull, p, row6, w, late_share, residual_free)
+    progress[1] = filled
+    progress[2] = opened
+    progress[3] = interval_now
 
 
 @kernel_part()
-def _close(groups, of):  # type: ignore[no-untyped-def]
+def _close(sums, of, tally):  # type: ignore[no-untyped-def]
     """Count a group of one column and one second, if it has four returns, and begin the next."""
-    sums = groups.sums[of]
-    tally = groups.tally
-    if sums[0] >= 4.0:
+    if sums[of, 0] >= 4.0:
         tally[0] += 1.0
-        tally[1] += sums[1] * sums[1] / sums[0]
-        tally[2] += sums[2] / sums[0]
-    sums[0] = sums[1] = sums[2] = 0.0
+        tally[1] += sums[of, 1] * sums[of, 1] / sums[of, 0]
+        tally[2] += sums[of, 2] / sums[of, 0]
+    sums[of, 0] = sums[of, 1] = sums[of, 2] = 0.0
