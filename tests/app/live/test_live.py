@@ -126,7 +126,7 @@ def test_page__is_whole_without_other_hosts_and_takes_no_commands() -> None:
         assert "//" not in html.replace("<!DOCTYPE html>", "")
         assert "http" not in script.replace("https and localhost", "")
         languages = json.loads(script.partition("const LANGUAGES = ")[2].partition(";\n")[0])
-        assert languages["ja"] == {"name": "日本語", "texts": texts_of("ja", "live")}
+        assert languages["ja"] == {"name": "日本語", "texts": texts_of("ja", "live"), "marks": {}}
         assert tuple(languages) == LANGUAGES
         for method in ("POST", "PUT", "DELETE"):
             reader.request(method, "/events", b"{}")
