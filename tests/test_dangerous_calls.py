@@ -52,6 +52,7 @@ ALLOWED = {
     ("plugin/dock/dock.py", "text.format"): "a translation of the plugin",
     ("plugin/dock/session_page.py", "several.format"): "a translation of the plugin",
     ("plugin/dock/places.py", "words.format"): "a translation of the plugin",
+    ("plugin/dock/tasks.py", "text.format"): "a translation of the plugin",
     ("plugin/figures.py", "form.format"): "forms that the module states",
     ("plugin/figures.py", "text.format"): "a translation of the plugin",
     ("plugin/figures.py", "words.format"): "a translation of the plugin",
