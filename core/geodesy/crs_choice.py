@@ -256,5 +256,4 @@ def _outside_deg(box: _Box, lon_deg: float, lat_deg: float) -> float:
 
 
 def _place(lon_deg: float, lat_deg: float) -> Text:
-    south, west = "S" if lat_deg < 0 else "N", "W" if lon_deg < 0 else "E"
-    return figure_text(f"{abs(lat_deg):.4f}°{south} {abs(lon_deg):.4f}°{west}")
+    return figure_text(f"{abs(lat_deg):.4f}°{'NS'[lat_deg < 0]} {abs(lon_deg):.4f}°{'EW'[lon_deg < 0]}")

@@ -26,6 +26,7 @@ _SMALL_M2: Final = {HECTARE: 1_000.0, TEN_ARES: 100.0, ACRE: 100.0}
 """Smaller areas are shown in square metres."""
 _SI_VALUE: Final = r"[-+]?[0-9.]+(?:e[-+]?[0-9]+)?"
 _AREA_MARK: Final = re.compile(rf"⟦(area|rate) ({_SI_VALUE})(?: ({_SI_VALUE}))?⟧")
+_UNIT_META: Final = re.compile(r'(<meta name="furrowmap-area-unit" content=")(\w+)')
 _AREA_ELEMENT: Final = re.compile(
     rf'<data class="(area|rate)" value="({_SI_VALUE})"(?: data-sigma="({_SI_VALUE})")?>[^<]*</data>'
 )
@@ -50,24 +51,23 @@ def in_area_unit(page: str, unit: str) -> str:
 
     def element(found: re.Match[str]) -> str:
         kind, value, sigma = found.groups()
-        words = (
-            rate_words(float(value), unit)
-            if kind == "rate"
-            else area_words(float(value), unit, float(sigma) if sigma else None)
-        )
+        sigma_m2 = float(sigma) if sigma else None
+        words = rate_words(float(value), unit) if kind == "rate" else str(area_text(float(value), unit, sigma_m2))
         spread = f' data-sigma="{sigma}"' if sigma else ""
         return f'<data class="{kind}" value="{value}"{spread}>{in_marks(words, language)}</data>'
 
+    page = _UNIT_META.sub(rf"\g<1>{unit}", page, count=1)
     return _AREA_ELEMENT.sub(element, _AREA_MARK.sub(element, page))
 
 
-def area_words(area_m2: float, unit: str, sigma_m2: float | None = None) -> str:
-    """An area as text: "0.542 ha", "54.2 a", "1.340 acres"; small ones in square metres; with its margin if known."""
-    return str(area_text(area_m2, unit, sigma_m2))
+def area_unit_of(page: str) -> str:
+    """The unit of a page of ours."""
+    found = _UNIT_META.search(page)
+    return found[2] if found is not None and found[2] in AREA_UNITS else HECTARE
 
 
 def area_text(area_m2: float, unit: str, sigma_m2: float | None = None) -> Words:
-    """An area as :func:`area_words` has it, for a line in any language."""
+    """An area: "0.542 ha", "54.2 a", "1.340 acres"; small ones in square metres; with its margin if known."""
     small = abs(area_m2) < _SMALL_M2[unit]
     unit_m2, digits, name = (1.0, 1 if abs(area_m2) >= _FINE_M2 else 2, "m²") if small else _UNITS[unit]
     if unit == ACRE and not small:

@@ -19,7 +19,7 @@ import rasterio.transform
 
 import furrowmap
 from furrowmap.core.values.trajectory import SIGMA_NAMES
-from furrowmap.exporters.reports.area_units import HECTARE, area_words
+from furrowmap.exporters.reports.area_units import HECTARE, area_text
 
 FIGURES = Path(__file__).resolve().parents[2] / "plugin" / "figures.py"
 PLACES = r"\[(?:antenna|lidar)\]\n(?:[^\[\n][^\n]*\n)*\n?"
@@ -158,7 +158,7 @@ def test_promise__what_was_not_filled_in_claims_nothing(wrong: furrowmap.Result)
 def test_dock__has_areas_in_the_digits_and_units_of_pages(area_m2: float, sigma_m2: float) -> None:
     level = " (95 %)" if area_m2 * sigma_m2 > 0.0 else ""
     shown = dock_rows({"figures": {"worked_area_m2": area_m2, "worked_area_sigma_m2": sigma_m2}})["Worked"]
-    assert shown == area_words(area_m2, HECTARE, sigma_m2 if area_m2 > 0.0 else None) + level
+    assert shown == str(area_text(area_m2, HECTARE, sigma_m2 if area_m2 > 0.0 else None)) + level
 
 
 def test_dock__shows_the_shares_of_positions_without_rounding_any_away() -> None:

@@ -1,6 +1,5 @@
 """A result for people without a GIS: a web page, a project for QField, or its report page again."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import REPORT_PAGE, open_result, reading_result
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
-from furrowmap.exporters.reports.area_units import ACRE, HECTARE, TEN_ARES, in_area_unit
+from furrowmap.exporters.reports.area_units import area_unit_of, in_area_unit
 from furrowmap.exporters.reports.page_language import has_other_languages, in_language, language_of, unbroken
 from furrowmap.exporters.reports.printed_pages import write_pdf
 from furrowmap.exporters.share.field_project import FIELD_PRODUCTS, PROJECT_FILE, write_field_project
@@ -52,7 +51,7 @@ def write_report_page(
     shown = language or language_of_user(language_of(page))
     if shown != language_of(page) and not has_other_languages(page):
         raise InputError("result-unreadable.one-language", source=source, language=shown)
-    page = unbroken(in_area_unit(in_language(page, shown), area_unit or _area_unit_of(page)))
+    page = unbroken(in_area_unit(in_language(page, shown), area_unit or area_unit_of(page)))
     target = Path(out) if out is not None else source.with_suffix(".pdf" if pdf else ".html")
     if pdf:
         write_pdf(target, page)
@@ -60,15 +59,6 @@ def write_report_page(
         with atomic_output(target) as unfinished:
             unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
     return target
-
-
-def _area_unit_of(page: str) -> str:
-    """The unit in which a page has its areas and work rates; hectares where it shows square metres alone."""
-    elements = re.findall(r'<data class="(?:area|rate)"[^>]*>([^<]*)</data>', page)
-    shown = {re.sub(r"[-+±\d.,\s]", "", text) for text in elements}
-    if shown & {"acres", "acres/h"}:
-        return ACRE
-    return TEN_ARES if shown & {"a", "min/a"} else HECTARE
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from furrowmap.exporters.reports.area_units import (
     ACRE_M2,
     AREA_UNITS,
     area,
-    area_words,
+    area_text,
     in_area_unit,
     rate_words,
     work_rate,
@@ -117,11 +117,11 @@ def test_page__in_another_unit(unit: str, words: str, rate: str) -> None:
 
 def test_units__are_the_same_area() -> None:
     for area_m2 in (1_000.0, 54_213.0, 1e6):
-        ha, a, acres = (float(area_words(area_m2, unit).split()[0].replace(",", "")) for unit in AREA_UNITS)
+        ha, a, acres = (float(str(area_text(area_m2, unit)).split()[0].replace(",", "")) for unit in AREA_UNITS)
         assert math.isclose(ha * 100.0, a, rel_tol=1e-3)
         assert math.isclose(acres * ACRE_M2, area_m2, rel_tol=3e-3)
-    assert area_words(42.5, "10a") == "42.5 m²"
-    assert area_words(2.773, "acre") == "2.77 m²"
+    assert str(area_text(42.5, "10a")) == "42.5 m²"
+    assert str(area_text(2.773, "acre")) == "2.77 m²"
     assert str(area(math.nan)) == str(work_rate(math.nan)) == "unknown"
     assert rate_words(0.0, "10a") == "unknown"
 
