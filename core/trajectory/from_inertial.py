@@ -136,15 +136,19 @@ class Explained:
         if self.cause == "positions":
             return Notice("contradiction.positions-err", times=self.times)
         if self.cause == "noise":
-            links = self.adjusted.problem.links
-            force = links.noise.force * max(links.force_times)
-            if force > MAX_NOISE_FACTOR * densities(measured)[1] and self.times > MAX_NOISE_FACTOR:
+            if self.times > MAX_NOISE_FACTOR and denied_by_spectrum(self.adjusted, measured):
                 return Notice("contradiction.force-scatters", times=self.times, is_imu=self.is_certain)
             return Notice("imu-noisier", times=self.times)
         if self.cause == "scatter":
             key = "contradiction.scatter" if scatter_by_themselves(self.adjusted) else "imu-misses-motion"
             return Notice(key, times=self.times)
         return None
+
+
+def denied_by_spectrum(fit: Fitted, measured: InertialTrack) -> bool:
+    """Whether the noise of the specific force in a fit is larger than what the measurements of the IMU show."""
+    links = fit.problem.links
+    return links.noise.force * max(links.force_times) > MAX_NOISE_FACTOR * densities(measured)[1]
 
 
 def scatter_by_themselves(adjusted: Fitted) -> bool:
@@ -180,10 +184,15 @@ class Hypothesis(NamedTuple):
     times: float
 
 
-def explained(adjusted: InertialAdjustment, *, by_noise_alone: bool) -> Explained:
+def explained(adjusted: InertialAdjustment, measured: InertialTrack, *, by_noise_alone: bool) -> Explained:
     """An adjustment under the hypothesis that explains its residuals best; itself where it agrees.
 
-    On wheels another lever arm is not looked for: a wheel that slips looks alike.
+    On wheels another lever arm is not looked for: a wheel that slips looks alike. A clock, units, axes, mounting or
+    filter of the IMU that is wrong shows in the map's axes too, so that noise of heights alone that its spectrum
+    denies is left to the heights of the positions where they explain it.
+
+    Args:
+        measured: by the IMU.
     """
     tried: list[Hypothesis] = []
     if not (by_noise_alone or adjusted.problem.hints.on_wheels) and adjusted.constants.lever_off:
@@ -201,7 +210,9 @@ def explained(adjusted: InertialAdjustment, *, by_noise_alone: bool) -> Explaine
     if not tried:
         return Explained("", adjusted)
     best, *others = sorted(tried, key=lambda one: one.fit.deviance)
-    if best.cause in ("noise", "scatter") and slow:
+    if slow and best.cause == "noise" and of_heights_alone(best.fit) and denied_by_spectrum(best.fit, measured):
+        best = slow[0]
+    elif slow and best.cause in ("noise", "scatter"):
         still = blamed("positions", with_shown_drift, best.fit)
         best = still[0] if still else best
     if isinstance(best.fit, InertialAdjustment):
@@ -212,15 +223,21 @@ def explained(adjusted: InertialAdjustment, *, by_noise_alone: bool) -> Explaine
     )
 
 
+def of_heights_alone(fit: Fitted) -> bool:
+    """Whether the specific force in a fit has the stated noise in the map's axes, and a larger one in the height."""
+    horizontal, vertical = fit.problem.links.force_times
+    return vertical > horizontal == 1.0
+
+
 def _of_lever(stated: InertialAdjustment, moved: InertialAdjustment) -> Explained:
     return Explained("lever-arm", moved, lever_off_m=moved.problem.lever_m - stated.problem.lever_m)
 
 
 def blamed(cause: str, shown: Callable[[Fitted], tuple[InertialProblem, float]], fit: Fitted) -> list[Hypothesis]:
-    """What a cause shows where it is as large as it is likeliest."""
+    """What a cause shows where it is as large as it is likeliest; none where it blames nothing."""
     with suppress(np.linalg.LinAlgError):
         problem, times = shown(fit)
-        return _hypothesis(cause, problem, fit.state, times)
+        return [Hypothesis(cause, fitted(problem, fit.state), times)] if times > 1.0 else []
     return []
 
 
@@ -228,15 +245,9 @@ def with_scatter(beside: Hypothesis) -> list[Hypothesis]:
     """A hypothesis with white noise of the positions as large as it is likeliest: motion that an IMU does not show."""
     with suppress(np.linalg.LinAlgError):
         problem, times = with_shown_scatter(beside.fit)
-        blamed = max(times) if beside.cause == "scatter" else beside.times
-        return _hypothesis(beside.cause, problem, beside.fit.state, blamed) if max(times) > 1.0 else []
-    return []
-
-
-def _hypothesis(cause: str, problem: InertialProblem, state: State, times: float) -> list[Hypothesis]:
-    """The hypothesis of a problem; none where it blames nothing."""
-    with suppress(np.linalg.LinAlgError):
-        return [Hypothesis(cause, fitted(problem, state), times)] if times > 1.0 else []
+        if max(times) > 1.0:
+            blamed = max(times) if beside.cause == "scatter" else beside.times
+            return [Hypothesis(beside.cause, fitted(problem, beside.fit.state), blamed)]
     return []
 
 
@@ -264,8 +275,9 @@ class InertialFigures:
         force_bias_sigma_mps2: (3,) its standard deviation.
         position_rms_m: (3,) residuals of the positions: easting, northing, height.
         doubted: positions of less than their whole weight.
-        residuals: whether those of the positions are white, in words.
-        residual_correlation: (3,) from one position to the next.
+        residual_correlation: (3,) of the residuals from one position to the next; nan where there are too few.
+        residual_noise_m: (3,) white noise with as much information as them.
+        assumed_noise_m: (3,) white noise of the positions that was assumed.
         variance_factor: squared residuals of all observations over their expected ones; 1 where sigmas are right.
         lever_arm_m: (3,) the antenna in the vehicle frame, as used.
         minus_gnss_s: the IMU's clock minus that of the positions, as used.
@@ -280,8 +292,9 @@ class InertialFigures:
     force_bias_sigma_mps2: tuple[float, ...]
     position_rms_m: tuple[float, ...]
     doubted: int
-    residuals: str
     residual_correlation: tuple[float, ...]
+    residual_noise_m: tuple[float, ...]
+    assumed_noise_m: tuple[float, ...]
     variance_factor: float
     lever_arm_m: tuple[float, ...]
     minus_gnss_s: float
@@ -393,7 +406,7 @@ def trajectory_from_inertial(
     if in_air and not agrees(adjusted) and (mistake := likely_mistake(adjusted.problem)) is not None:
         misfit = float(np.sqrt(adjusted.variance_factor))
         raise InputError("imu-contradicts", source=source, misfit=misfit, better_other=mistake)
-    found = explained(adjusted, by_noise_alone=by_noise_alone)
+    found = explained(adjusted, imu.track, by_noise_alone=by_noise_alone)
     adjusted = found.adjusted.with_clock_sigma(clock_sigma_s) if clock_sigma_s else found.adjusted
     trajectory = _trajectory(adjusted)
     turned = turned_mounting(trajectory, imu.mounting, source, on_wheels=hints.on_wheels)
@@ -555,8 +568,9 @@ def _figures(adjusted: InertialAdjustment, imu: MountedImu) -> InertialFigures:
         force_bias_sigma_mps2=rounded(sigma(FORCE_BIAS), 5),
         position_rms_m=rounded(np.sqrt(np.nanmean(residual**2, axis=0)), 4),
         doubted=int((adjusted.observed.weight < 1.0).sum()),
-        residuals=white.words,
         residual_correlation=white.correlation,
+        residual_noise_m=white.noise_m,
+        assumed_noise_m=white.assumed_m,
         variance_factor=round(adjusted.variance_factor, 3),
         lever_arm_m=rounded(adjusted.problem.lever_m, 4),
         minus_gnss_s=round(imu.minus_gnss_s, 5),

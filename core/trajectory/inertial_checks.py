@@ -40,8 +40,6 @@ NOISE_BANDS: Final = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1.0)
 """Borders of the bands that are compared, as shares of half the sampling rate."""
 MIN_NOISE_FACTOR: Final = 1.5
 """A noise that is larger than stated by less than this factor stays as stated."""
-WHITE: Final = 0.2
-"""Correlation from one residual to the next up to which they are called white: noise is then 1.2 times as large."""
 SIGNIFICANT_SIGMAS: Final = 3.0
 """Correlations below so many of their standard deviations, 1/√n, show nothing."""
 MIN_RESIDUAL_PAIRS: Final = 20
@@ -208,24 +206,3 @@ class Whiteness:
         noise = np.sqrt(square * (1.0 + np.maximum(share, 0.0)) / (1.0 - np.maximum(share, 0.0)))
         values = (share, noise, np.median(assumed_m[part], axis=0))
         return cls(*(tuple(np.round(value, 4).tolist()) for value in values))
-
-    @property
-    def white(self) -> bool:
-        """Whether no axis is correlated; false where there are too few positions to tell."""
-        return bool(np.all(np.asarray(self.correlation) < WHITE))
-
-    @property
-    def words(self) -> str:
-        """The verdict for a report."""
-        if not np.isfinite(self.correlation).all():
-            return "too few GNSS positions to tell whether their residuals are white"
-        largest = max(self.correlation)
-        if self.white:
-            return f"GNSS residuals are white (correlation from one to the next at most {max(largest, 0.0):.2f})"
-        noise = max(self.noise_m[:2])
-        assumed = max(self.assumed_m[:2])
-        verdict = "which is what was assumed" if noise < 1.1 * assumed else f"{assumed:.3f} m was assumed"
-        return (
-            f"GNSS residuals are not white (correlation from one to the next up to {largest:.2f}): on the map they are "
-            f"as good as white noise of {noise:.3f} m, {verdict}"
-        )
