@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from furrowmap.core.accuracy.cloud_at_points import Targets
     from furrowmap.core.crops.measure import Method
     from furrowmap.core.crops.response_models import ModelName
+    from furrowmap.core.pointclouds.flat_targets import TargetShape
     from furrowmap.core.pointclouds.surfaces import GroundMethod
     from furrowmap.core.readers.las.cloud import Box
     from furrowmap.core.surfaces.outliers import Outliers
@@ -353,17 +354,19 @@ class CheckSettings:
     """How a product is checked.
 
     Attributes:
-        targets: Detect disc targets at the points by intensity or colour, for the horizontal error.
-        diameter_m: Diameter of the discs.
+        targets: Detect targets at the points by intensity or colour, for the horizontal error.
+        target_shape: Shape of the targets.
+        diameter_m: Diameter of discs, side of checkerboards.
         points_sigma_m: Standard deviation of the survey on each axis.
         class_m: Maximum vertical RMSE (else exit status 4).
         within: Compare points in these polygons: a vector file, a table of corners, a field of AgOpenGPS, or task data.
     """
 
-    targets: Targets = setting(
-        "--targets", default="none", choices=("none", "intensity", "colour"), label="Disc targets"
+    targets: Targets = setting("--targets", default="none", choices=("none", "intensity", "colour"), label="Targets")
+    target_shape: TargetShape = setting(
+        "--target-shape", default="disc", choices=("disc", "checkerboard"), label="Shape of the targets"
     )
-    diameter_m: float = setting("--diameter", "METRES", default=0.3, above=0.0, label="Diameter of the discs")
+    diameter_m: float = setting("--diameter", "METRES", default=0.3, above=0.0, label="Diameter or side of the targets")
     points_sigma_m: float | None = setting(
         "--points-sigma", "METRES", above=0.0, label="Standard deviation of the survey"
     )

@@ -1,8 +1,8 @@
 """`[field] control_points` on simulated drives and flights whose positions are 5 cm off, against the truth.
 
 Of twelve surveyed points four correct and eight check; one of the four has a gross error of 0.1 m. On flights each
-point lies under a disc. Printed are the errors of the corrected cloud at the eight against the true ground and the true
-middles of the discs, the same over their standard deviations, and which points were left out.
+point lies under a disc or a checkerboard. Printed are the errors of the corrected cloud at the eight against the true
+ground and the true middles of the targets, the same over their standard deviations, and which points were left out.
 """
 
 from __future__ import annotations
@@ -34,6 +34,13 @@ OFF_M: Final = np.array([0.05, -0.05, 0.05])
 GROSS_M: Final = 0.1
 SURVEY_SIGMA: Final = np.array([0.003, 0.003, 0.005])
 DISC_M: Final = 0.4
+BOARD_M: Final = 0.6
+KEYS: Final = {
+    "drive": "",
+    "discs": f"control_disc_m = {DISC_M}\n",
+    "boards": f"control_checkerboard_m = {BOARD_M}\n",
+}
+"""What is controlled, a drive or flights over targets, and the keys of its session."""
 NEAR_M: Final = 4.0
 """Points of a drive lie so near to the path, on ground that is not worked."""
 COUNT: Final = 12
@@ -53,7 +60,7 @@ class Trial:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("kind", choices=("drive", "flight"))
+    parser.add_argument("kind", choices=tuple(KEYS))
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--right", action="store_true", help="no point has a gross error")
     options = parser.parse_args()
@@ -83,9 +90,9 @@ def tried(kind: str, seed: int, *, gross: bool) -> Trial:
     """Simulate a recording, run it with control points, and compare with the truth."""
     folder = CACHE / f"{kind}_{seed}"
     if not (folder / "truth" / "figures.json").exists():
-        simulate(flight(seed) if kind == "flight" else msgspec.convert({"seed": seed}, Scenario), folder)
+        simulate(msgspec.convert({"seed": seed}, Scenario) if kind == "drive" else flight(kind, seed), folder)
     chance = np.random.default_rng([seed, 61])
-    true = points_of_flight(folder, seed) if kind == "flight" else points_of_drive(folder, chance)
+    true = points_of_drive(folder, chance) if kind == "drive" else points_of_flight(folder, kind, seed)
     control = spread(true[:, :2], CONTROL)
     surveyed = true - OFF_M + chance.normal(size=true.shape) * SURVEY_SIGMA
     wrong = control[int(chance.integers(CONTROL))]
@@ -97,7 +104,7 @@ def tried(kind: str, seed: int, *, gross: bool) -> Trial:
         rows.append(f"P{number},{numbers},{'control' if number in control else 'check'}\n")
     (folder / "points.csv").write_text("".join(rows), encoding="ascii")
     text = (folder / "session.toml").read_text(encoding="utf-8")
-    keys = 'control_points = "points.csv"\n' + (f"control_disc_m = {DISC_M}\n" if kind == "flight" else "")
+    keys = f'control_points = "points.csv"\n{KEYS[kind]}'
     text = text.replace("[field]\n", f"[field]\n{keys}") if "[field]\n" in text else f"{text}\n[field]\n{keys}"
     (folder / "control.toml").write_text(text, encoding="utf-8")
     begin = perf_counter()
@@ -121,8 +128,8 @@ def spread(places_m: FloatArray, count: int) -> list[int]:
     return chosen
 
 
-def flight(seed: int) -> Scenario:
-    """A flight with two strips across its four, over discs."""
+def flight(kind: str, seed: int) -> Scenario:
+    """A flight with two strips across its four, over discs or checkerboards, the latter turned to all sides."""
     keys = {
         "name": "control",
         "seed": seed,
@@ -135,11 +142,14 @@ def flight(seed: int) -> Scenario:
     bare = msgspec.convert(keys, Scenario)
     assert bare.flight is not None
     laid = lay_out_flight(bare, bare.flight)
-    discs = tuple((float(e), float(n), DISC_M, 120.0) for e, n in disc_places(laid))
-    return msgspec.structs.replace(bare, discs=discs)
+    places = target_places(laid).tolist()
+    if kind == "discs":
+        return msgspec.structs.replace(bare, discs=tuple((e, n, DISC_M, 120.0) for e, n in places))
+    boards = tuple((e, n, BOARD_M, 7.0 * k + 5.0 * seed, 120.0) for k, (e, n) in enumerate(places))
+    return msgspec.structs.replace(bare, checkerboards=boards)
 
 
-def disc_places(scenario: Scenario) -> FloatArray:
+def target_places(scenario: Scenario) -> FloatArray:
     """(12, 2) places along and across the strips, from the corner of the grid."""
     assert scenario.flight is not None
     along = math.radians(90.0 - scenario.flight.heading_deg)
@@ -152,12 +162,12 @@ def disc_places(scenario: Scenario) -> FloatArray:
     return np.array(places)
 
 
-def points_of_flight(folder: Path, seed: int) -> FloatArray:
-    """(12, 3) the true middles of the discs."""
-    scenario = flight(seed)
+def points_of_flight(folder: Path, kind: str, seed: int) -> FloatArray:
+    """(12, 3) the true middles of the targets."""
+    scenario = flight(kind, seed)
     assert scenario.flight is not None
     with np.load(folder / "truth" / "surface.npz") as truth:
-        places = disc_places(lay_out_flight(scenario, scenario.flight))
+        places = target_places(lay_out_flight(scenario, scenario.flight))
         return with_heights(places, truth["soil"], truth)
 
 

@@ -1,4 +1,4 @@
-"""A cloud at surveyed points: height of the local plane, and disc targets."""
+"""A cloud at surveyed points: height of the local plane, and targets."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from furrowmap.core.accuracy.point_check import (
     find_swath_key,
     swath_numbers,
 )
-from furrowmap.core.pointclouds.disc_targets import SEARCH_DIAMETERS, find_disc
+from furrowmap.core.pointclouds.flat_targets import SEARCH_DIAMETERS, TargetShape, find_target
 from furrowmap.core.pointclouds.joined_clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_to_measure
 from furrowmap.core.pointclouds.local_plane import MAX_PLANE_SLOPE, PLANE_RADIUS_M, local_plane
 from furrowmap.core.readers.chosen_survey import SurveyOptions, survey_of
@@ -39,12 +39,14 @@ def cloud_at_points(
     options: SurveyOptions = SurveyOptions(),
     targets: Targets = "none",
     diameter_m: float = 0.3,
+    shape: TargetShape = "disc",
     progress: Progress = silent,
 ) -> ProductAtPoints:
     """Height of a LAS, LAZ or COPC file at each point, by a plane through the returns around it, in all and by swath.
 
     Args:
-        targets: attribute in which discs are detected, for the horizontal error.
+        targets: attribute in which targets are detected, for the horizontal error.
+        diameter_m: of discs, or side of checkerboards.
 
     Raises:
         InputError: if a file cannot be read.
@@ -69,7 +71,7 @@ def cloud_at_points(
         index = tree.query_ball_point(place[:2], reach_m)
         swath = swath_numbers(source[index], t_s[index] if t_s is not None else None, swath_key, own=own)
         around = _ReturnsAround(xyz[index] - place, light[index] if light is not None else None, swath)
-        points.append(_point_check(name, three(place), around, diameter_m))
+        points.append(_point_check(name, three(place), around, diameter_m, shape))
     return ProductAtPoints(
         crs=clouds.crs,
         points=tuple(points),
@@ -116,7 +118,7 @@ def _cells(xy_m: FloatArray, side_m: float, *, around: bool = False) -> NDArray[
 
 @dataclass(frozen=True)
 class _ReturnsAround:
-    """Returns (n, 3) relative to a point, their brightness if discs are looked for and it is known, and swaths."""
+    """Returns (n, 3) relative to a point, their brightness if targets are looked for and it is known, and swaths."""
 
     xyz_m: FloatArray
     light: FloatArray | None
@@ -136,11 +138,13 @@ def _light(near: list[CloudBatch], targets: Targets) -> FloatArray | None:
     return light
 
 
-def _point_check(name: str, place: tuple[float, float, float], around: _ReturnsAround, diameter_m: float) -> PointCheck:
+def _point_check(
+    name: str, place: tuple[float, float, float], around: _ReturnsAround, diameter_m: float, shape: TargetShape
+) -> PointCheck:
     """Comparison of a point with the returns around it."""
     middle = None
     if around.light is not None and len(around.light):
-        middle = find_disc(around.xyz_m[:, :2], around.light, diameter_m, SEARCH_DIAMETERS * diameter_m)
+        middle = find_target(shape, around.xyz_m[:, :2], around.light, diameter_m, SEARCH_DIAMETERS * diameter_m)
     east, north = (place[0] + middle[0], place[1] + middle[1]) if middle is not None else (np.nan, np.nan)
     at = middle if middle is not None else np.zeros(2)
     close = np.hypot(*(around.xyz_m[:, :2] - at).T) <= PLANE_RADIUS_M

@@ -21,6 +21,7 @@ from furrowmap.core.accuracy.point_check import (
     rounded,
     surface_at_points,
 )
+from furrowmap.core.pointclouds.flat_targets import TargetShape
 from furrowmap.core.readers.chosen_survey import SurveyOptions
 from furrowmap.core.readers.las.cloud import is_cloud
 from furrowmap.core.runtime.arrays import FloatArray
@@ -202,13 +203,15 @@ def check_product(
     *,
     targets: Targets = "none",
     diameter_m: float = 0.3,
+    shape: TargetShape = "disc",
     class_m: float | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Compare a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF) with surveyed points.
 
     Args:
-        targets: attribute in which discs are detected, for the horizontal error.
+        targets: attribute in which targets are detected, for the horizontal error.
+        diameter_m: of discs, or side of checkerboards.
 
     Raises:
         InputError: if a file cannot be read, or no point lies in the product.
@@ -218,7 +221,7 @@ def check_product(
         raise InputError("no-such-file", product=product, is_product=bool(product.is_dir()))
     by_cloud = is_cloud(product)
     found = (
-        cloud_at_points(product, points_file, options, targets, diameter_m, progress)
+        cloud_at_points(product, points_file, options, targets, diameter_m, shape, progress)
         if by_cloud
         else surface_at_points(product, points_file, options)
     )

@@ -6,8 +6,6 @@ import numpy as np
 
 from furrowmap.core.runtime.arrays import FloatArray
 
-SEARCH_DIAMETERS: Final = 3.0
-"""Search radius of a target, in its diameters."""
 STEP_SHARE: Final = 0.15
 """Spacing of the search grid, in disc diameters."""
 MIN_DISC_RETURNS: Final = 8

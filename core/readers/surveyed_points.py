@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import pyproj
 import shapely
+from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.crs_change import bounds_in, crs_change, horizontal_part
 from furrowmap.core.geodesy.longitudes import FEWEST_METRES, SaidBy, expect_degrees
@@ -39,18 +40,8 @@ from furrowmap.core.values.no_heights import are_no_heights
 
 MAX_SURVEY_BYTES: Final = 50_000_000
 _NAME_COLUMNS: Final = (
-    "name",
-    "id",
-    "point",
-    "point_id",
-    "label",
-    "点名",
-    "nom",
-    "punkt",
-    "punktnummer",
-    "punto",
-    "nombre",
-)
+    "name", "id", "point", "point_id", "label", "点名", "nom", "punkt", "punktnummer", "punto", "nombre",
+)  # fmt: skip
 _PLACE_COLUMNS: Final = (
     ("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"), ("y座標", "x座標"),
     ("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"),
@@ -65,6 +56,8 @@ _HEIGHT_COLUMNS: Final = (
 _MEANT_HEIGHTS: Final = ("h_m", SEA_LEVEL_H, ELLIPSOIDAL_H)
 _ROLE_COLUMNS: Final = ("role", "point_role", "point_type", "gcp_type", "役割", "用途")
 """Of a column that says which points are of control and which are to check."""
+_TARGET_COLUMNS: Final = ("target", "target_type", "ターゲット")
+"""Of a column that says what lies at the points."""
 _DEVIATION_COLUMNS: Final = (
     ("sigma_e_m", "sigma_e", "sd_e", "easting rms"),
     ("sigma_n_m", "sigma_n", "sd_n", "northing rms"),
@@ -82,12 +75,14 @@ class SurveyedPoints:
 
     Attributes:
         role: of each, as the file writes it; empty where no column has roles.
+        target: what lies at each, likewise.
     """
 
     name: tuple[str, ...]
     xyz_m: FloatArray
     sigma_m: FloatArray
     role: tuple[str, ...] = ()
+    target: tuple[str, ...] = ()
     notices: tuple[Notice, ...] = ()
 
     def __len__(self) -> int:
@@ -124,7 +119,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     xyz = rows.xyz[whole]
     sigma = rows.sigma[whole]
     names = tuple(rows.names[k] for k in np.flatnonzero(whole))
-    roles = tuple(rows.roles[k] for k in np.flatnonzero(whole)) if rows.roles else ()
+    roles, targets = (_of_points(said, np.flatnonzero(whole)) for said in (rows.roles, rows.targets))
     if unit_m != 1.0:
         xyz = xyz * np.array([1.0, 1.0, unit_m])
         sigma = sigma * np.where(rows.sigma_metres, 1.0, unit_m)
@@ -142,7 +137,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         change = crs_change(flat, wanted, bounds_in(flat, xyz[:, :2]))
         xyz = np.column_stack([change.points(xyz[:, :2]), xyz[:, 2]])
         notices += change.notices
-    return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), roles, tuple(notices))
+    return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), roles, targets, tuple(notices))
 
 
 def _crs_of_rows(path: Path, rows: "_SurveyRows", stated: pyproj.CRS) -> pyproj.CRS:
@@ -191,6 +186,7 @@ class _SurveyRows:
     notices: tuple[Notice, ...] = ()
     said_by: SaidBy = "table"
     roles: tuple[str, ...] = ()
+    targets: tuple[str, ...] = ()
 
 
 def _rows_of(path: Path, otherwise: pyproj.CRS | None = None) -> _SurveyRows:
@@ -263,9 +259,9 @@ def _rows_of_layer(path: Path, otherwise: pyproj.CRS | None) -> _SurveyRows:
     xyz[:, 2], about = _heights(path, xyz[:, 2], column, stated)
     sigma, in_metres = _sigmas(table)
     found = (*notices, *layer.notices, *about)
-    roles = _roles(table)
-    roles = tuple(roles[k] for k in feature) if roles else ()
-    return _SurveyRows(labels, xyz, sigma[feature], sigma_metres=in_metres, crs=layer.crs, notices=found, roles=roles)
+    roles, targets = (_of_points(_said(table, names), feature) for names in (_ROLE_COLUMNS, _TARGET_COLUMNS))
+    rows = _SurveyRows(labels, xyz, sigma[feature], sigma_metres=in_metres, crs=layer.crs, notices=found)
+    return replace(rows, roles=roles, targets=targets)
 
 
 def _text(value: object) -> str:
@@ -331,9 +327,8 @@ def _rows_of_table(path: Path, *, above_ellipsoid: bool) -> _SurveyRows:
     sigma, in_metres = _sigmas(table)
     about = tuple(notices)
     metres = unit_m is not None
-    return _SurveyRows(
-        _names(table), xyz, sigma, degrees, ellipsoidal, metres, in_metres, None, units, about, roles=_roles(table)
-    )
+    rows = _SurveyRows(_names(table), xyz, sigma, degrees, ellipsoidal, metres, in_metres, None, units, about)
+    return replace(rows, roles=_said(table, _ROLE_COLUMNS), targets=_said(table, _TARGET_COLUMNS))
 
 
 def _is_ellipsoidal(table: TextTable, name: str) -> bool:
@@ -384,10 +379,15 @@ def _names(table: TextTable) -> list[str]:
     return [str(k) for k in range(1, len(table.lines) + 1)] if column is None else table.columns[column]
 
 
-def _roles(table: TextTable) -> tuple[str, ...]:
-    """What each point is for; empty without a column that says so."""
-    column = table.find(_ROLE_COLUMNS)
+def _said(table: TextTable, names: Sequence[str]) -> tuple[str, ...]:
+    """What a column says of each point; empty without the column."""
+    column = table.find(names)
     return () if column is None else tuple(text.strip() for text in table.columns[column])
+
+
+def _of_points(said: tuple[str, ...], rows: NDArray[np.intp]) -> tuple[str, ...]:
+    """What a column says of the points of some rows."""
+    return tuple(said[k] for k in rows) if said else ()
 
 
 def _sigmas(table: TextTable) -> tuple[FloatArray, tuple[bool, ...]]:

@@ -50,6 +50,8 @@ _BRIGHTNESS: Final = np.array([0.0, 31.0, 22.0, 54.0, 52.0, 58.0, 44.0, 12.0])
 """Reflectivity of each, in the sensor's units (255 a mirror, 100 a white sheet)."""
 _BRIGHTNESS_STEP: Final = 13.0
 """Reflectivity of a wall of brightness 1."""
+BOARD_DARK: Final = 6.0
+"""Reflectivity of the dark quarters of a checkerboard."""
 
 _TOOL_HEIGHT: Final = 3
 _FRONT_HEIGHT: Final = 5
@@ -77,7 +79,8 @@ class Scene(NamedTuple):
         walls: (n, 9) east, north, cosine and sine of the direction, half length, half thickness, bottom, top,
             reflectivity.
         posts: (n, 5) east, north, radius, bottom, top.
-        discs: (n, 4) east, north, radius, reflectivity of targets that lie on the ground.
+        targets: (n, 6) discs and checkerboards on the ground: east, north, half of the diameter or side, azimuth of an
+            edge in radians (nan of a disc), reflectivity of a disc or the bright quarters, of the dark quarters.
         body: (n, 6) boxes in the vehicle frame.
         tool: (n, 7) boxes in the vehicle frame, the tool in working position, and the column of the firings that has
             its height.
@@ -92,7 +95,7 @@ class Scene(NamedTuple):
     straw: FloatArray
     walls: FloatArray
     posts: FloatArray
-    discs: FloatArray
+    targets: FloatArray
     body: FloatArray
     tool: FloatArray
     dust: FloatArray
@@ -218,7 +221,7 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
         straw,
         np.array(walls, np.float64).reshape(-1, 9),
         np.array(posts, np.float64).reshape(-1, 5),
-        np.array([(e, n, 0.5 * width, bright) for e, n, width, bright in scenario.discs], np.float64).reshape(-1, 4),
+        _targets(scenario),
         np.array(body, np.float64).reshape(-1, 6),
         tool if flight is None else np.empty((0, 7)),
         np.array([x + _DUST_CENTRE[0], y, _DUST_CENTRE[1], *_DUST_RADII]),
@@ -227,6 +230,16 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
         tops,
         float(ground.ceiling.max()),
     )
+
+
+def _targets(scenario: Scenario) -> FloatArray:
+    """(n, 6) discs and checkerboards."""
+    discs = [(e, n, 0.5 * width, np.nan, bright, bright) for e, n, width, bright in scenario.discs]
+    boards = [
+        (e, n, 0.5 * side, np.radians(azimuth), bright, BOARD_DARK)
+        for e, n, side, azimuth, bright in scenario.checkerboards
+    ]
+    return np.array([*discs, *boards], np.float64).reshape(-1, 6)
 
 
 def _tool(implement: ScenarioImplement, column: int) -> FloatArray:
@@ -468,6 +481,19 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
+def _of_target(target, east, north, ground):  # type: ignore[no-untyped-def]
+    """Reflectivity at a place beside the middle of a disc or checkerboard; that of the ground off it."""
+    half = target[2]
+    if math.isnan(target[3]):
+        return target[4] if math.hypot(east, north) <= half else ground
+    along = math.sin(target[3]) * east + math.cos(target[3]) * north
+    across = math.cos(target[3]) * east - math.sin(target[3]) * north
+    if max(abs(along), abs(across)) > half:
+        return ground
+    return target[4] if along * across > 0.0 else target[5]
+
+
+@njit(cache=True, nogil=True)
 def _in_dust(x, y, z, dx, dy, dz, cloud):  # type: ignore[no-untyped-def]
     """(from, to) of a beam's way through the dust, inf where it passes by."""
     px = (x - cloud[0]) / cloud[3]
@@ -602,10 +628,12 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
                     if kind == _MET_STRAW:
                         incidence = 1.0
                     bright = _BRIGHTNESS[what]
-                    for k in range(len(scene.discs)):
-                        disc = scene.discs[k]
-                        if kind == _MET_SOIL and math.hypot(x + r * dx - disc[0], y + r * dy - disc[1]) <= disc[2]:
-                            bright = disc[3]
+                    for k in range(len(scene.targets)):
+                        target = scene.targets[k]
+                        east = x + r * dx - target[0]
+                        north = y + r * dy - target[1]
+                        if kind == _MET_SOIL and math.hypot(east, north) <= math.sqrt(2.0) * target[2]:
+                            bright = _of_target(target, east, north, bright)
             slot = 0
             if moving[i, 4] > 0.0 and optics.noise[3] > 0.0:
                 enter, leave = _in_dust(px, py, pz, vx, vy, vz, scene.dust)

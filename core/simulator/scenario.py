@@ -549,6 +549,13 @@ class Scenario(ScenarioTable, frozen=True):
         tuple[tuple[float, float, float, float], ...],
         Meta(description="flat targets: [east, north of the middle, diameter, reflectivity (1 to 255)]"),
     ] = ()
+    checkerboards: Annotated[
+        tuple[tuple[float, float, float, float, float], ...],
+        Meta(
+            description="flat targets of two bright and two dark quarters: [east, north of the middle, side, azimuth "
+            "of an edge in degrees, reflectivity of the bright quarters (1 to 255)]"
+        ),
+    ] = ()
     earlier: tuple[EarlierDrive, ...] = ()
     place: ScenarioPlace = ScenarioPlace()
     flight: Flight | None = None

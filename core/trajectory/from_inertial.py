@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.covariance import marginal_covariance
 from furrowmap.core.adjustment.imu_constants import ImuConstants
-from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, ROTATION, State, StateBlock, normal_equations
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, POSE, ROTATION, StateBlock, normal_equations
 from furrowmap.core.adjustment.preintegration import (
     FORCE_BIAS,
     RATE_BIAS,

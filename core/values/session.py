@@ -30,6 +30,7 @@ else:
     Language = Literal[LANGUAGES]  # one of those that are there: no type that is known before
 _Positive = Annotated[float, Meta(gt=0.0)]
 _OffsetS = Annotated[float, Meta(ge=-4e9, le=4e9)]
+_TargetM = Annotated[float, Meta(ge=0.05, le=5.0)]
 """Between two clocks, one of which may begin in 1904, or be a century wrong; times keep a microsecond."""
 
 
@@ -130,7 +131,8 @@ class Field(TomlTable, frozen=True):
     within: str | None = None
     check_points: str | None = None
     control_points: str | None = None
-    control_disc_m: Annotated[float, Meta(ge=0.05, le=5.0)] | None = None
+    control_disc_m: _TargetM | None = None
+    control_checkerboard_m: _TargetM | None = None
 
 
 class TrajectorySource(TomlTable, frozen=True):
@@ -417,6 +419,7 @@ EXAMPLES: Final = {
     "field.check_points": '"check_points.csv"',
     "field.control_points": '"points.csv"',
     "field.control_disc_m": "0.4",
+    "field.control_checkerboard_m": "0.5",
     "trajectory.files": '["trajectory.csv"]',
     "trajectory.time": '"utc"',
     "trajectory.week": "2422",

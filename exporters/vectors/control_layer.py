@@ -16,6 +16,7 @@ def control_layer(control: ControlResult) -> Layer:
     points = control.points
     columns: Columns = {
         "name": texts(point.name for point in points),
+        "target": texts(point.target.kind.value for point in points),
         "state": texts(point.state.value for point in points),
         "why_not": texts(point.why_not.value or None for point in points),
         "visits": np.array([point.visits for point in points], np.int64),

@@ -114,13 +114,12 @@
   <message><source>Describe square cells with sides of this length.</source><translation>Quadratische Zellen mit dieser Seitenlänge beschreiben.</translation></message>
   <message><source>Describe these polygons instead of cells.</source><translation>Diese Polygone statt Zellen beschreiben.</translation></message>
   <message><source>Describes trees, orchards and other stands in LAS, LAZ or COPC point clouds: canopy height model, height percentiles, gap fraction and vertical profile, by square cell or by polygon.</source><translation>Beschreibt Bäume, Obstanlagen und andere Bestände in LAS-, LAZ- oder COPC-Punktwolken: Bestandeshöhenmodell, Höhenperzentile, Lückenanteil und Vertikalprofil, je quadratischer Zelle oder Polygon.</translation></message>
-  <message><source>Detect disc targets at the points by intensity or colour, for the horizontal error.</source><translation>Zielscheiben an den Punkten nach Intensität oder Farbe erkennen, für den horizontalen Fehler.</translation></message>
-  <message><source>Diameter of the discs</source><translation>Durchmesser der Scheiben</translation></message>
-  <message><source>Diameter of the discs.</source><translation>Durchmesser der Scheiben.</translation></message>
+  <message><source>Detect targets at the points by intensity or colour, for the horizontal error.</source><translation>Ziele an den Punkten nach Intensität oder Farbe erkennen, für den horizontalen Fehler.</translation></message>
+  <message><source>Diameter of discs, side of checkerboards.</source><translation>Durchmesser der Scheiben, Seite der Schachbretter.</translation></message>
+  <message><source>Diameter or side of the targets</source><translation>Durchmesser oder Seite der Ziele</translation></message>
   <message><source>Direction of the first row, clockwise from north, instead of its end.</source><translation>Richtung der ersten Reihe, im Uhrzeigersinn von Nord, statt ihres Endes.</translation></message>
   <message><source>Direction of tillage</source><translation>Richtung der Bodenbearbeitung</translation></message>
   <message><source>Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.</source><translation>Richtung der Bodenbearbeitung, im Uhrzeigersinn von Gitternord; entfernt Bearbeitungsspuren aus der Zufallsrauheit.</translation></message>
-  <message><source>Disc targets</source><translation>Zielscheiben</translation></message>
   <message><source>Distance between columns.</source><translation>Abstand zwischen den Spalten.</translation></message>
   <message><source>Distance between rows.</source><translation>Abstand zwischen den Reihen.</translation></message>
   <message><source>Draw the frames from the side and from above.</source><translation>Die Systeme von der Seite und von oben zeichnen.</translation></message>
@@ -360,6 +359,8 @@
   <message><source>Sessions (JSON)</source><translation>Sitzungen (JSON)</translation></message>
   <message><source>Shape of the response</source><translation>Form der Wirkung</translation></message>
   <message><source>Shape of the response; auto compares all and averages over them by weight.</source><translation>Form der Wirkung; auto vergleicht alle und mittelt nach Gewicht.</translation></message>
+  <message><source>Shape of the targets</source><translation>Form der Ziele</translation></message>
+  <message><source>Shape of the targets.</source><translation>Form der Ziele.</translation></message>
   <message><source>Share a result</source><translation>Ein Ergebnis teilen</translation></message>
   <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its position, its angles and the directions of its axes in words, and draws them from the side and from above. Does not read the recordings.</source><translation>Zeigt die Bezugssysteme einer Sitzung: Erde, Karte, Fahrzeug und jeden Sensor mit Lage, Winkeln und den Richtungen seiner Achsen in Worten, und zeichnet sie von der Seite und von oben. Liest die Aufzeichnungen nicht.</translation></message>
   <message><source>Side</source><translation>Seite</translation></message>
@@ -390,6 +391,7 @@
   <message><source>Table of the parcels</source><translation>Tabelle der Parzellen</translation></message>
   <message><source>Table of the profiles</source><translation>Tabelle der Profile</translation></message>
   <message><source>Tables of parcels</source><translation>Tabellen der Parzellen</translation></message>
+  <message><source>Targets</source><translation>Ziele</translation></message>
   <message><source>Task</source><translation>Auftrag</translation></message>
   <message><source>Task data</source><translation>Auftragsdaten</translation></message>
   <message><source>The board is on the</source><translation>Die Tafel sitzt</translation></message>

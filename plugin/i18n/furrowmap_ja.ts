@@ -114,13 +114,12 @@
   <message><source>Describe square cells with sides of this length.</source><translation>値を求める正方形のセルの一辺。</translation></message>
   <message><source>Describe these polygons instead of cells.</source><translation>セルの代わりに、値を求める領域。</translation></message>
   <message><source>Describes trees, orchards and other stands in LAS, LAZ or COPC point clouds: canopy height model, height percentiles, gap fraction and vertical profile, by square cell or by polygon.</source><translation>LAS、LAZ、COPC 点群から、樹木、果樹園などの林分・群落を調べます。樹冠高モデル（CHM）と、正方形のセルまたはポリゴンごとの高さのパーセンタイル、空隙率、垂直分布を求めます。</translation></message>
-  <message><source>Detect disc targets at the points by intensity or colour, for the horizontal error.</source><translation>水平誤差を求めるため、測量点の円板標的を反射強度または色で検出します。</translation></message>
-  <message><source>Diameter of the discs</source><translation>円板の直径</translation></message>
-  <message><source>Diameter of the discs.</source><translation>円板の直径。</translation></message>
+  <message><source>Detect targets at the points by intensity or colour, for the horizontal error.</source><translation>水平誤差を求めるため、測量点のターゲットを反射強度または色で検出します。</translation></message>
+  <message><source>Diameter of discs, side of checkerboards.</source><translation>円板の直径、市松模様の板の一辺。</translation></message>
+  <message><source>Diameter or side of the targets</source><translation>ターゲットの直径または一辺</translation></message>
   <message><source>Direction of the first row, clockwise from north, instead of its end.</source><translation>最初の行の終点の代わりに、その方向（北から時計回り）。</translation></message>
   <message><source>Direction of tillage</source><translation>耕うん方向</translation></message>
   <message><source>Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.</source><translation>座標北から時計回りの耕うん方向。ランダム粗度から耕うんの跡を除きます。</translation></message>
-  <message><source>Disc targets</source><translation>円板標的</translation></message>
   <message><source>Distance between columns.</source><translation>列と列の間隔。</translation></message>
   <message><source>Distance between rows.</source><translation>行と行の間隔。</translation></message>
   <message><source>Draw the frames from the side and from above.</source><translation>座標系を横と上から見た図に描きます。</translation></message>
@@ -360,6 +359,8 @@
   <message><source>Sessions (JSON)</source><translation>セッション（JSON）</translation></message>
   <message><source>Shape of the response</source><translation>応答の曲線</translation></message>
   <message><source>Shape of the response; auto compares all and averages over them by weight.</source><translation>応答の曲線。auto はすべてを比べ、重みで平均します。</translation></message>
+  <message><source>Shape of the targets</source><translation>ターゲットの形</translation></message>
+  <message><source>Shape of the targets.</source><translation>ターゲットの形。</translation></message>
   <message><source>Share a result</source><translation>実行結果の共有</translation></message>
   <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its position, its angles and the directions of its axes in words, and draws them from the side and from above. Does not read the recordings.</source><translation>セッションの座標系を示します。地球、地図、車両、各センサの位置と角度、軸の向きを言葉で表します。図では横と上から見た様子を示します。記録は読み込みません。</translation></message>
   <message><source>Side</source><translation>側</translation></message>
@@ -390,6 +391,7 @@
   <message><source>Table of the parcels</source><translation>区画の表</translation></message>
   <message><source>Table of the profiles</source><translation>垂直分布の表</translation></message>
   <message><source>Tables of parcels</source><translation>区画の表</translation></message>
+  <message><source>Targets</source><translation>ターゲット</translation></message>
   <message><source>Task</source><translation>作業</translation></message>
   <message><source>Task data</source><translation>作業データ</translation></message>
   <message><source>The board is on the</source><translation>板のある場所</translation></message>

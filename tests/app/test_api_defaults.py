@@ -41,7 +41,7 @@ TEXTS = {
     "board_rpy_deg": (0.0, 0.0, 0.0),
 }
 SETTINGS: dict[str, dict[str, Any]] = {
-    "check": {"targets": "none", "diameter_m": 0.3},
+    "check": {"targets": "none", "target_shape": "disc", "diameter_m": 0.3},
     "clean": {"cleaning": {"box": None, "without": frozenset(), "every": 1, "outliers": "none", "drop_noise": False,
                            "ground": "none", "voxel_m": None}},
     "evaluate_gnss": {"antenna_offset_m": (0.0, 0.0, 0.0), "fixed_reference_only": False},

@@ -50,6 +50,7 @@ def check(
         SurveyOptions(optional_with_heights(crs), settings.points_sigma_m, settings.area_file),
         targets=settings.targets,
         diameter_m=settings.diameter_m,
+        shape=settings.target_shape,
         class_m=settings.class_m,
         progress=progress,
     )

@@ -11,9 +11,8 @@ from furrowmap.core.pipeline.control.control_points import GroundControl, read_c
 from furrowmap.core.pipeline.control.correction import Correction, correction, error_model
 from furrowmap.core.pipeline.control.returns_at_points import ReturnsAtPoints
 from furrowmap.core.pipeline.control.seen_points import Sight, seen_point
+from furrowmap.core.pipeline.control.targets import TargetSizes
 from furrowmap.core.pipeline.solution import Solution
-from furrowmap.core.pointclouds.disc_targets import SEARCH_DIAMETERS
-from furrowmap.core.pointclouds.local_plane import PLANE_RADIUS_M
 from furrowmap.core.pointclouds.placed_scans import place_scans
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead
 from furrowmap.core.runtime.progress import Progress
@@ -26,7 +25,8 @@ def control_of(opened: OpenSession) -> GroundControl:
     path = opened.inputs.ground_control
     assert path is not None
     field = opened.session.field
-    return read_control(path, opened.frame.whole_crs, field.control_disc_m, opened.inputs.check_points)
+    sizes = TargetSizes(field.control_disc_m, field.control_checkerboard_m)
+    return read_control(path, opened.frame.whole_crs, sizes, opened.inputs.check_points)
 
 
 def by_control(
@@ -50,8 +50,7 @@ def by_control(
 def _found(solution: Solution, control: GroundControl, machine: MachineVoxels | None, progress: Progress) -> Correction:
     """The error of positions by what the first scanner sees of the points."""
     placer = solution.placer()
-    searched_m = (SEARCH_DIAMETERS + 1.0) * control.disc_m if control.disc_m is not None else 0.0
-    around = ReturnsAtPoints(control.xyz_m, placer.origin_m, max(searched_m, PLANE_RADIUS_M))
+    around = ReturnsAtPoints(control.xyz_m, placer.origin_m, max(target.reach_m for target in control.target))
     scans = ahead(solution.lidar.scans(), SCANS_AHEAD)
     if solution.matched is not None and solution.matched.ranges is not None:
         scans = map(solution.matched.ranges.corrected, scans)
@@ -73,7 +72,7 @@ def _found(solution: Solution, control: GroundControl, machine: MachineVoxels | 
         float(np.sqrt(np.mean(np.square(angles_deg)))),
         model.common_sigma_deg,
     )
-    seen = [seen_point(place, around.at(k), sight, control.disc_m) for k, place in enumerate(control.xyz_m)]
+    seen = [seen_point(place, around.at(k), sight, control.target[k]) for k, place in enumerate(control.xyz_m)]
     return correction(control, seen, trajectory, model)
 
 

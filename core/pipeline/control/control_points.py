@@ -12,7 +12,8 @@ import pyproj
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from furrowmap.core.pipeline.control.seen_points import Unseen
+from furrowmap.core.pipeline.control.seen_points import TargetPicture, Unseen
+from furrowmap.core.pipeline.control.targets import GROUND_ALONE, NO_SIZES, Target, TargetSizes, targets_of
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, read_points
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -45,7 +46,7 @@ class GroundControl:
     Attributes:
         is_check: (n,) those that judge the result and correct nothing.
         sigma_m: (n, 3) of the survey; SURVEYED_SIGMA_M where none is stated.
-        disc_m: diameter of the discs that lie on them; None without.
+        target: what lies at each.
     """
 
     file: str
@@ -53,7 +54,7 @@ class GroundControl:
     xyz_m: FloatArray
     sigma_m: FloatArray
     is_check: NDArray[np.bool_]
-    disc_m: float | None
+    target: tuple[Target, ...]
     notices: tuple[Notice, ...] = ()
 
     def __len__(self) -> int:
@@ -70,6 +71,7 @@ class ControlledPoint:
         sigma_m: (3,) standard deviation of the residual: of a point that is not used, of its prediction as well.
         normalised: (3,) residuals that data snooping tests, of variance 1.
         visits: in which its height was seen.
+        picture: of a target and what lies round it; None of ground alone, or where nothing was seen.
     """
 
     name: str
@@ -81,6 +83,8 @@ class ControlledPoint:
     normalised: FloatArray
     visits: int = 0
     why_not: Unseen = Unseen.NOTHING
+    target: Target = GROUND_ALONE
+    picture: TargetPicture | None = None
 
     @property
     def worst(self) -> float:
@@ -125,6 +129,7 @@ class ControlResult:
                 {
                     "name": point.name,
                     "state": point.state.value,
+                    "target": point.target.kind.value,
                     "why_not": point.why_not.value or None,
                     "visits": point.visits,
                     "before_m": _plain(point.before_m, 4),
@@ -142,26 +147,28 @@ def _plain(values: FloatArray, digits: int) -> list[float | None]:
 
 
 def read_control(
-    path: Path, target: pyproj.CRS, disc_m: float | None = None, check_file: Path | None = None
+    path: Path, crs: pyproj.CRS, sizes: TargetSizes = NO_SIZES, check_file: Path | None = None
 ) -> GroundControl:
     """The control points of a file, and its points that are only to check.
 
     Args:
-        target: CRS of the map, with that of heights.
+        crs: of the map, with that of heights.
+        sizes: of the targets on the points.
         check_file: of the session's check points; those of the same file have the role of each in a column.
 
     Raises:
-        InputError: if the file cannot be read, states another role, or has no control point.
+        InputError: if the file cannot be read, states another role or target, or has no control point.
         RefusedError: if its heights are of another system, or PROJ has no exact transformation.
     """
-    survey = read_points(path, target)
+    survey = read_points(path, crs)
     is_check = checks_among(path, survey)
     if check_file is not None and check_file == path and not survey.role:
         raise InputError("ground-control-both", path=path)
     if is_check.all():
         raise InputError("ground-control-none", path=path, count=len(survey))
     sigma = np.where(np.isfinite(survey.sigma_m), survey.sigma_m, SURVEYED_SIGMA_M)
-    return GroundControl(path.name, survey.name, survey.xyz_m, sigma, is_check, disc_m, survey.notices)
+    targets = targets_of(path, survey, sizes)
+    return GroundControl(path.name, survey.name, survey.xyz_m, sigma, is_check, targets, survey.notices)
 
 
 def checks_among(path: Path, survey: SurveyedPoints) -> NDArray[np.bool_]:

@@ -27,7 +27,7 @@ from furrowmap.core.pipeline.control.frame_error import (
     Snooped,
     snooped,
 )
-from furrowmap.core.pipeline.control.seen_points import UNKNOWN_ATTITUDE_DEG, SeenPoint
+from furrowmap.core.pipeline.control.seen_points import UNKNOWN_ATTITUDE_DEG, SeenPoint, Unseen
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.trajectory import Trajectory, same_hemisphere
@@ -134,18 +134,18 @@ def stated_sigma_m(sigma: FloatArray) -> FloatArray:
 def observations(control: GroundControl, seen: Sequence[SeenPoint], trajectory: Trajectory) -> ControlObservations:
     """All that the scanner sees of points, of those to check as well.
 
-    A height sees the error along the normal of the ground: on a slope a shift to the side is a height. Where no disc
+    A height sees the error along the normal of the ground: on a slope a shift to the side is a height. Where no target
     shows the place, that is left to its standard deviation, so that heights correct heights alone.
     """
-    in_plan = any(one.disc is not None for one, check in zip(seen, control.is_check, strict=True) if not check)
+    in_plan = any(one.target is not None for one, check in zip(seen, control.is_check, strict=True) if not check)
     rows: list[tuple[int, int, tuple[float, float, float], float, float]] = []
     epochs: list[tuple[FloatArray, FloatArray]] = []
     for number, one in enumerate(seen):
-        if one.disc is not None:
-            for axis in range(2):
-                direction = (float(axis == 0), float(axis == 1), 0.0)
-                rows.append((number, axis, direction, -one.disc.off_m[axis], one.disc.sigma_m))
-                epochs.append((one.disc.t_s, one.disc.share))
+        if one.target is not None:
+            for axis, (off_m, sigma_m) in enumerate(zip(one.target.off_m, one.target.sigma_m, strict=True)):
+                direction = (float(axis == 0), float(axis == 1), float(axis == UP))
+                rows.append((number, axis, direction, -off_m, sigma_m))
+                epochs.append((one.target.t_s, one.target.share))
         for height in one.heights:
             east, north = height.slope
             aside_m = float(np.hypot(east, north)) * float(np.median(stated_sigma_m(trajectory.sigma)[:, :2]))
@@ -232,8 +232,10 @@ def _points(
                 residual,
                 sigma,
                 normalised,
-                len(one.heights),
+                one.visits,
                 one.why_not,
+                control.target[number],
+                one.picture,
             )
         )
     return tuple(out)
@@ -288,6 +290,17 @@ def _notices(result: ControlResult, found: Snooped) -> list[Notice]:
                 points=len(result.points),
                 names=", ".join(point.name for point in unseen[:NAMED_POINTS]),
                 more=len(unseen) > NAMED_POINTS,
+            )
+        )
+    no_target = [point for point in result.points if point.why_not is Unseen.NO_TARGET and point not in unseen]
+    if no_target:
+        out.append(
+            Notice(
+                "ground-control-unseen.target",
+                unseen=len(no_target),
+                points=len(result.points),
+                names=", ".join(point.name for point in no_target[:NAMED_POINTS]),
+                more=len(no_target) > NAMED_POINTS,
             )
         )
     left_out = [point for point in result.points if point.state is PointState.LEFT_OUT]

@@ -37,6 +37,10 @@ class ReturnsAround:
         """Some of the returns."""
         return ReturnsAround(self.xyz_m[chosen], self.t_s[chosen], self.intensity[chosen])
 
+    def beside(self, at_m: FloatArray) -> ReturnsAround:
+        """The returns relative to a place (2,) beside the point."""
+        return ReturnsAround(self.xyz_m - np.array([*at_m, 0.0]), self.t_s, self.intensity)
+
 
 class ReturnsAtPoints:
     """Takes placed scans, and keeps what may lie on the land within a reach of points (k, 3) in the map frame.

@@ -17,7 +17,16 @@ from furrowmap.core.pipeline.control.control_points import (
 )
 from furrowmap.core.pipeline.control.correction import correction, error_model
 from furrowmap.core.pipeline.control.returns_at_points import MAX_POINT_RETURNS, ReturnsAround, ReturnsAtPoints
-from furrowmap.core.pipeline.control.seen_points import SeenHeight, SeenPoint, Sight, Unseen, seen_point, visits
+from furrowmap.core.pipeline.control.seen_points import (
+    SeenHeight,
+    SeenPoint,
+    SeenTarget,
+    Sight,
+    Unseen,
+    seen_point,
+    visits,
+)
+from furrowmap.core.pipeline.control.targets import Target, TargetKind, TargetSizes
 from furrowmap.core.pointclouds.placed_scans import PlacedScan
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
@@ -53,7 +62,7 @@ def control(points: FloatArray, checks: int = 0, sigma_m: float = 0.003) -> Grou
     count = len(points)
     names = tuple(f"P{k}" for k in range(count))
     is_check = np.arange(count) >= count - checks
-    return GroundControl("points.csv", names, points, np.full((count, 3), sigma_m), is_check, None)
+    return GroundControl("points.csv", names, points, np.full((count, 3), sigma_m), is_check, (Target(),) * count)
 
 
 def seen_at(above_m: FloatArray, t_s: FloatArray) -> list[SeenPoint]:
@@ -118,12 +127,14 @@ def flat_returns(slope: float, t_s: float, noise_m: float = 0.01, count: int = 4
 
 def test_height__is_that_of_the_plane_with_its_sigma() -> None:
     path = drive(sigma_deg=0.0)
-    found = seen_point(np.zeros(3), flat_returns(0.1, 20.0), Sight(path, Mounting()), None)
+    found = seen_point(np.zeros(3), flat_returns(0.1, 20.0), Sight(path, Mounting()), Target())
     (height,) = found.heights
     assert height.above_m == pytest.approx(0.04, abs=0.002)
     assert height.slope == pytest.approx((0.1, 0.0), abs=0.01)
     assert height.sigma_m == pytest.approx(0.003, abs=0.0005)
-    far = seen_point(np.array([20.0, 0.0, 50.0]), flat_returns(0.0, 0.0), Sight(drive(sigma_deg=0.1), Mounting()), None)
+    far = seen_point(
+        np.array([20.0, 0.0, 50.0]), flat_returns(0.0, 0.0), Sight(drive(sigma_deg=0.1), Mounting()), Target()
+    )
     away_m = np.hypot(20.0, 10.0)
     assert far.heights[0].sigma_m == pytest.approx(np.hypot(0.003, np.radians(0.1) * away_m), rel=0.05)
 
@@ -138,22 +149,126 @@ def test_height__is_that_of_the_plane_with_its_sigma() -> None:
     ],
 )
 def test_points_without_level_ground__say_why(around: ReturnsAround, why: Unseen) -> None:
-    assert seen_point(np.zeros(3), around, Sight(drive(), Mounting()), None) == SeenPoint(why_not=why)
+    assert seen_point(np.zeros(3), around, Sight(drive(), Mounting()), Target()) == SeenPoint(why_not=why)
 
 
-def test_disc__is_found_within_its_sigma() -> None:
+STILL = Sight(drive(sigma_deg=0.0), Mounting())
+"""Whose attitude has no error."""
+
+
+def on_board(xy: FloatArray, middle: FloatArray, side_m: float, turn_deg: float) -> FloatArray:
+    """1 on bright, −1 on dark quarters, 0 off a checkerboard."""
+    turn = np.radians(turn_deg)
+    u, v = ((xy - middle) @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])).T
+    return np.where(np.maximum(np.abs(u), np.abs(v)) < 0.5 * side_m, np.sign(u * v), 0.0)
+
+
+@pytest.mark.parametrize("kind", [TargetKind.DISC, TargetKind.CHECKERBOARD])
+def test_flat_target__is_found_within_its_sigma(kind: TargetKind) -> None:
     chance = np.random.default_rng(6)
     errors = []
-    for _ in range(12):
+    for turn_deg in np.linspace(0.0, 85.0, 12):
         xy = chance.uniform(-1.6, 1.6, (20_000, 2))
         middle = chance.uniform(-0.1, 0.1, 2)
-        bright = np.where(np.hypot(*(xy - middle).T) < 0.2, 120.0, 30.0) + chance.normal(0.0, 2.0, len(xy))
-        returns = ReturnsAround(np.column_stack([xy, np.zeros(len(xy))]), np.full(len(xy), T0_S), bright)
-        found = seen_point(np.zeros(3), returns, Sight(drive(sigma_deg=0.0), Mounting()), 0.4)
-        assert found.disc is not None
-        errors.append((np.array(found.disc.off_m) - middle) / found.disc.sigma_m)
+        where = on_board(xy, middle, 0.4, turn_deg)
+        disc = np.where(np.hypot(*(xy - middle).T) < 0.2, 120.0, 30.0)
+        bright = disc if kind is TargetKind.DISC else 30.0 + np.where(where > 0, 90.0, -20.0 * (where < 0))
+        returns = ReturnsAround(
+            np.column_stack([xy, np.zeros(len(xy))]),
+            np.full(len(xy), T0_S),
+            bright + chance.normal(0.0, 2.0, len(xy)),
+        )
+        found = seen_point(np.zeros(3), returns, STILL, Target(kind, 0.4))
+        assert found.target is not None
+        assert found.picture is not None
+        assert found.picture.off_m == found.target.off_m
+        errors.append((np.array(found.target.off_m) - middle) / found.target.sigma_m)
         assert len(found.heights) == 1
     assert np.sqrt(np.mean(np.square(errors))) < 1.5
+
+
+@pytest.mark.parametrize("kind", [TargetKind.DISC, TargetKind.CHECKERBOARD, TargetKind.CORNER])
+def test_targets__that_are_not_there_are_not_found(kind: TargetKind) -> None:
+    """Even ground, the edge and the corner of a bright area, a disc where a board is looked for."""
+    chance = np.random.default_rng(8)
+    xy = chance.uniform(-1.6, 1.6, (6000, 2))
+    scenes = [np.zeros(len(xy)), xy @ [0.6, 0.8] > 0.1, (xy > 0.1).all(axis=1)]
+    if kind is TargetKind.CHECKERBOARD:
+        scenes += [np.hypot(*xy.T) < 0.2, np.hypot(*xy.T) < 0.3]
+    for scene in scenes if kind is not TargetKind.DISC else scenes[:2]:
+        bright = 30.0 + 60.0 * scene + chance.normal(0.0, 3.0, len(xy))
+        returns = ReturnsAround(
+            np.column_stack([xy, chance.normal(0.0, 0.01, len(xy))]), np.full(len(xy), T0_S), bright
+        )
+        found = seen_point(np.zeros(3), returns, STILL, Target(kind, 0.0 if kind is TargetKind.CORNER else 0.4))
+        assert found.target is None
+        assert found.why_not is Unseen.NO_TARGET
+        assert len(found.heights) == (kind is not TargetKind.CORNER)
+
+
+def corner_returns(chance: np.random.Generator, middle: FloatArray, turn_rad: float, upright: bool) -> FloatArray:
+    """Returns of two walls and the ground round an outer corner, or of a hedge, with noise of 1 cm."""
+    plane = chance.uniform(0.0, 1.4, (3, 400, 2))
+    ground = np.column_stack([chance.uniform(-1.4, 1.4, (900, 2)), np.zeros(900)])
+    ground = ground[(ground[:, :2] > 0.0).any(axis=1)]
+    one = np.column_stack([-plane[0, :, 0], np.zeros(400), plane[0, :, 1]])
+    other = np.column_stack([np.zeros(400), -plane[1, :, 0], plane[1, :, 1]])
+    hedge = chance.uniform(-1.4, 1.4, (900, 3))
+    xyz = np.concatenate([ground, one, other]) if upright else hedge
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    turned = xyz @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return turned + middle + chance.normal(0.0, 0.01, xyz.shape)
+
+
+def test_corner__of_two_walls_and_the_ground_is_found_within_its_sigma() -> None:
+    chance = np.random.default_rng(2)
+    errors = []
+    for turn_rad in np.linspace(0.0, 6.0, 12):
+        middle = chance.uniform(-0.1, 0.1, 3)
+        xyz = corner_returns(chance, middle, turn_rad, upright=True)
+        returns = ReturnsAround(xyz, np.full(len(xyz), T0_S), np.full(len(xyz), 40.0))
+        found = seen_point(np.zeros(3), returns, STILL, Target(TargetKind.CORNER))
+        assert found.target is not None
+        assert found.visits == 1
+        assert seen_point(np.zeros(3), returns, STILL, Target(TargetKind.CORNER)).target.off_m == found.target.off_m
+        errors.append((np.array(found.target.off_m) - middle) / found.target.sigma_m)
+    assert 0.2 < np.sqrt(np.mean(np.square(errors))) < 1.5
+    hedge = corner_returns(chance, np.zeros(3), 0.0, upright=False)
+    returns = ReturnsAround(hedge, np.full(len(hedge), T0_S), np.full(len(hedge), 40.0))
+    assert seen_point(np.zeros(3), returns, STILL, Target(TargetKind.CORNER)).why_not is Unseen.NO_TARGET
+
+
+def test_corners__correct_all_axes() -> None:
+    path = drive(sigma_deg=0.0)
+    off_m = (0.04, -0.03, 0.05)
+    seen = [
+        SeenPoint(target=SeenTarget(off_m, (0.003,) * 3, np.array([T0_S + 12.0 * k]), np.ones(1))) for k in range(5)
+    ]
+    found = correction(control(CORNERS), seen, path, error_model(path, CORNERS, held=True))
+    np.testing.assert_allclose(found.applied(path).xyz_m - path.xyz_m, -np.tile(off_m, (len(path), 1)), atol=0.002)
+    assert found.result.plain()["corrected"] == [True, True, True]
+
+
+def test_targets__are_those_of_the_column_or_of_the_session(tmp_path: Path) -> None:
+    rows = "name,e_m,n_m,h_m,target\nA,1,2,3,Disc\nB,4,5,6,checkerboard\nC,7,8,9,corner\nD,1,1,1,ground\nE,2,2,2,\n"
+    both = TargetSizes(0.4, 0.5)
+    with pytest.raises(InputError, match="no target is stated for point E"):
+        read_control(table(tmp_path, rows), MAP, both)
+    found = read_control(table(tmp_path, rows.replace("E,2,2,2,\n", "")), MAP, both).target
+    assert [target.kind.value for target in found] == ["disc", "checkerboard", "corner", "ground"]
+    assert [target.size_m for target in found] == [0.4, 0.5, 0.0, 0.0]
+    bare = table(tmp_path, "name,e_m,n_m,h_m\nA,1,2,3\n")
+    for sizes, kind in (
+        (TargetSizes(), "ground"),
+        (TargetSizes(disc_m=0.4), "disc"),
+        (TargetSizes(None, 0.5), "checkerboard"),
+    ):
+        assert [target.kind.value for target in read_control(bare, MAP, sizes).target] == [kind]
+    with pytest.raises(InputError, match="point B is a checkerboard") as refused:
+        read_control(table(tmp_path, rows), MAP, TargetSizes(disc_m=0.4))
+    assert "`control_checkerboard_m` (side of the board)" in str(refused.value)
+    with pytest.raises(InputError, match="has the target 'cone'"):
+        read_control(table(tmp_path, rows.replace("corner", "cone")), MAP, both)
 
 
 def test_returns__are_gathered_alike_however_scans_come_together() -> None:
