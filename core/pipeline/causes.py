@@ -110,6 +110,7 @@ FOLLOWS: Final[Mapping[str, tuple[str, ...]]] = {
     "gnss-steps": _POSITIONS_ERR,
     "gnss-heights": ("contradiction.height-creep", "check-points-off", "mounting-height"),
     "contradiction.scans-and-positions": (
+        "mounting-off.level-ground",
         "level-assumed",
         "mounting-height",
         "lever-assumed",
