@@ -12,9 +12,23 @@ import pytest
 
 import furrowmap
 from furrowmap.core.runtime.errors import InputError
+from tests.one_pass import SCENARIO
 
 UP_M = 0.05
 """By which positions are off."""
+TARGETS = {
+    "board": ("checkerboard", 6.5, 9.0),
+    "other board": ("checkerboard", 10.0, 4.5),
+    "disc": ("disc", 7.0, 4.5),
+    "barn": ("corner", 6.0, 11.5),
+    "ground": ("ground", 8.0, 5.0),
+}
+"""Target, and place from the corner of the grid, of points beside the path."""
+SCENE = """
+checkerboards = [[6.5, 9.0, 0.6, 20.0, 120.0], [10.0, 4.5, 0.6, 65.0, 120.0]]
+discs = [[7.0, 4.5, 0.5, 120.0]]
+walls = [[4.0, 11.65, 0.0, 4.0, 0.3, 2.5, 5.0], [5.85, 13.5, 90.0, 4.0, 0.3, 2.5, 5.0]]
+"""
 
 
 def session_with(simulated: furrowmap.Simulated, name: str, keys: str, *, placed: bool = False) -> Path:
@@ -112,6 +126,35 @@ def test_same_run__gives_the_same_bits(
     assert json.dumps(one) == json.dumps(other)
     first, second = (gpd.read_file(result.path / "field.gpkg", layer="trajectory") for result in (again, corrected))
     assert first.equals(second)
+
+
+def test_targets__of_every_kind_correct_all_axes(tmp_path: Path) -> None:
+    (tmp_path / "scenario.toml").write_text(SCENE + SCENARIO, encoding="utf-8")
+    simulated = furrowmap.simulate(tmp_path / "scenario.toml", tmp_path / "drive")
+    with np.load(simulated.folder / "truth" / "surface.npz") as truth:
+        cell_m = float(truth["cell_m"])
+        corner = np.array([float(truth["e0"]), float(truth["n0"])])
+        height_m = truth["before"] + float(truth["h0_m"])
+    rows = ["name,e_m,n_m,h_m,target,sigma_e_m,sigma_n_m,sigma_h_m"]
+    for name, (target, *place) in TARGETS.items():
+        column, row = np.floor(np.array(place) / cell_m).astype(int)
+        e, n = corner + place
+        high = height_m[row - 4 : row + 5, column - 4 : column + 5].mean()
+        rows.append(f"{name},{e:.4f},{n:.4f},{high:.4f},{target},0.003,0.003,0.005")
+    simulated.session.with_name("targets.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    keys = 'control_points = "targets.csv"\ncontrol_disc_m = 0.5\ncontrol_checkerboard_m = 0.6'
+    result = furrowmap.run(session_with(simulated, "targets", keys, placed=True), tmp_path / "out")
+    told = result.report["control_points"]
+    assert told["corrected"] == [True, True, True]
+    assert told["shift_m"] == pytest.approx([0.0, 0.0, -UP_M], abs=0.015)
+    assert {point["name"]: (point["state"], point["target"]) for point in told["points"]} == {
+        name: ("used", target) for name, (target, *_) in TARGETS.items()
+    }
+    seen = [value for point in told["points"] for value in point["residual_m"] if value is not None]
+    assert len(seen) == 3 * 4 + 1
+    assert max(map(abs, seen)) < 0.01
+    page = (result.path / "report.html").read_text(encoding="utf-8")
+    assert page.partition('<div class="pictures">')[2].partition("</div>")[0].count("<figure>") == 4
 
 
 def test_points_elsewhere__end_the_run_before_the_work(simulated: furrowmap.Simulated, tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from furrowmap.cli.main import command_line
 from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.accuracy.product_check import Component, HeldHeights, check_product
 from furrowmap.core.crops.parcel_areas import read_parcels
+from furrowmap.core.pointclouds.flat_targets import TargetShape
 from furrowmap.core.readers.chosen_survey import SurveyOptions
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
@@ -186,27 +187,32 @@ def test_cloud__noise_and_edges_and_empty_places_are_told(tmp_path: Path) -> Non
     assert {notice.code for notice in found.notices} >= {"check-unused", "check-survey-unknown"}
 
 
-@pytest.mark.parametrize("bright", [200, 3])
-def test_targets__discs_show_the_horizontal_error(tmp_path: Path, bright: int) -> None:
-    """Discs of 40 cm, brighter or darker than the soil, lie 12 cm east and 7 cm south of where they were surveyed."""
+@pytest.mark.parametrize(("bright", "shape"), [(200, "disc"), (3, "disc"), (200, "checkerboard")])
+def test_targets__show_the_horizontal_error(tmp_path: Path, bright: int, shape: TargetShape) -> None:
+    """Discs of 40 cm and boards of 36 cm lie 12 cm east and 7 cm south of where they were surveyed."""
     xyz = returns(200_000)
     survey = places(9)
     intensity = np.random.default_rng(4).normal(60.0, 8.0, len(xyz)).clip(0)
     for middle in survey[:, :2] + np.array([0.12, -0.07]):
-        disc = np.hypot(*(xyz[:, :2] - middle).T) < 0.2
-        intensity[disc] = bright
+        off = xyz[:, :2] - middle
+        if shape == "disc":
+            intensity[np.hypot(*off.T) < 0.2] = bright
+        else:
+            board = np.abs(off).max(axis=1) < 0.18
+            intensity[board] = np.where(off[board].prod(axis=1) > 0.0, bright, 5.0)
     found = check_product(
         write_cloud(tmp_path / "a.las", xyz, intensity.astype(np.uint16)),
         write_points(tmp_path / "p.csv", survey, 0.005),
         targets="intensity",
-        diameter_m=0.4,
+        diameter_m=0.4 if shape == "disc" else 0.36,
+        shape=shape,
     )
     easting, northing = found.accuracy.easting, found.accuracy.northing
     assert easting is not None
     assert northing is not None
     assert (easting.n, northing.n) == (9, 9)
     assert (easting.mean_m, northing.mean_m) == pytest.approx((0.12, -0.07), abs=3e-3)
-    assert max(easting.sigma_m, northing.sigma_m) < 0.008
+    assert max(easting.sigma_m, northing.sigma_m) < (0.008 if shape == "disc" else 0.012)
     assert found.accuracy.horizontal_m == pytest.approx(np.hypot(0.12, 0.07), abs=6e-3)
     assert found.accuracy.spatial_m is not None
 
