@@ -63,6 +63,7 @@ HARMLESS = frozenset(
         "implement-no-ground",
         "machine-not-known",
         "implement-not-seen",
+        "implement-out-of-view",
         "facing-assumed",
         "level-assumed",
         "lever-assumed",

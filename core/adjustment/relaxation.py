@@ -21,7 +21,9 @@ COMPARED_OVER_S: Final = 3.0
 GROUND_ARM_M: Final = 5.0
 """How far away the ground is by which a turn is weighed against a shift."""
 MAX_STEP_FACTOR: Final = 6.0
-"""Largest factor: longer steps leave the range in which the equations hold."""
+MAX_LENGTHENED_M: Final = 0.4
+"""Largest factor, and how far steps are lengthened at most: longer ones leave the range in which the equations hold, a
+cell of the surface or so, and may end at another minimum."""
 
 
 @dataclass
@@ -40,7 +42,8 @@ class Relaxation:
             left = _around(-np.einsum("ij,ij->i", self._moved_m, change), knots)
             square = _around(np.einsum("ij,ij->i", change, change), knots)
             share = np.divide(left, square, out=np.zeros(len(step)), where=square > 0.0)
-            factor = np.clip(self._factor * share, 1.0, MAX_STEP_FACTOR)
+            within = MAX_LENGTHENED_M / np.maximum(np.linalg.norm(moved, axis=1), 1e-9)
+            factor = np.clip(self._factor * share, 1.0, np.clip(within, 1.0, MAX_STEP_FACTOR))
         self._moved_m = moved
         self._factor = factor
         step *= factor[:, None]

@@ -107,7 +107,7 @@ FOLLOWS: Final[Mapping[str, tuple[str, ...]]] = {
     "geoid-separation": ("check-points-off", "epoch-and-geoid", "mounting-height"),
     "gnss-height-steps": ("gnss-heights", *_POSITIONS_ERR),
     "gnss-frozen": _POSITIONS_ERR,
-    "gnss-steps": _POSITIONS_ERR,
+    "gnss-steps": (*_POSITIONS_ERR, "mounting-off.level-ground"),
     "gnss-heights": ("contradiction.height-creep", "check-points-off", "mounting-height"),
     "contradiction.scans-and-positions": (
         "mounting-off.level-ground",

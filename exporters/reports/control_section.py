@@ -78,4 +78,5 @@ def _picture(point: ControlledPoint) -> Markup:
         y = middle - scale * picture.off_m[1]
         radius = max(0.5 * scale * point.target.size_m, 0.5 * CROSS_WIDTH)
         parts.append(element("circle", cx=x, cy=y, r=radius, fill="none", stroke="#1b7837", stroke_width=2))
-    return drawing(TARGET_PICTURE_WIDTH, TARGET_PICTURE_WIDTH, parts, Text("what the scanner sees at {name}", name=point.name))
+    title = Text("what the scanner sees at {name}", name=point.name)
+    return drawing(TARGET_PICTURE_WIDTH, TARGET_PICTURE_WIDTH, parts, title)
