@@ -197,8 +197,7 @@ def with_slow_errors(stated: Problem, times: tuple[float, float]) -> Problem:
         return stated
     positions = stated.positions
     longer = np.sqrt(UNKNOWN_CORRELATION_S / DRIFT_CORRELATION_S)
-    drift_m = positions.drift_m * longer * (times[0], times[0], times[1])
-    larger = replace(positions, drift_m=drift_m)
+    larger = replace(positions, drift_m=positions.drift_m * longer * (times[0], times[0], times[1]))
     observations = tuple(
         replace(one, correlation_s=UNKNOWN_CORRELATION_S) if isinstance(one, GnssDrift) else one
         for one in with_positions(stated.observations, larger)

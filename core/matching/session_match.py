@@ -52,6 +52,8 @@ CLOCK_ROUNDS: Final = 6
 """Clocks that are off are corrected at most so often, less one."""
 UNSOLVED: Final = Notice("matching-unsolved")
 """Positions and ground do not determine a part of the trajectory."""
+OVERTURNED_DEG: Final = 60.0
+"""No vehicle on wheels leans so far: without heights, poses may roll over with the ground that they see."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,8 @@ def match_session(
             return _unmatched(located, ground, session)
         if found is None:
             found = matched_by(prepared, solve(prepared.problem, prepared.first, report))
+        if max(float(np.abs(angle_deg).max()) for angle_deg in found.trajectory.attitude_deg()[:2]) > OVERTURNED_DEG:
+            return MatchedSession(located.trajectory, (*located.notices, UNSOLVED), None)
         found = _judged(found, prepared, located, session)
     except np.linalg.LinAlgError:
         return MatchedSession(located.trajectory, (*located.notices, UNSOLVED), None)
@@ -134,8 +138,7 @@ def _unmatched(located: Located, ground: GroundTilt, session: Session) -> Matche
     if (notice := contradiction_notice(seen)) is None:
         return MatchedSession(located.trajectory, notices, None)
     lever_m = np.asarray(lever_arm_m(session))
-    sensor_m = np.asarray(session.lidar.mounting.xyz_m)
-    trajectory = enlarge_sigmas(located.trajectory, seen, lever_m, sensor_m)
+    trajectory = enlarge_sigmas(located.trajectory, seen, lever_m, np.asarray(session.lidar.mounting.xyz_m))
     return MatchedSession(trajectory, (*notices, notice), None)
 
 
