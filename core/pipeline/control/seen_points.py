@@ -159,8 +159,9 @@ def seen_point(point_m: FloatArray, around: ReturnsAround, sight: Sight, target:
     """What returns around a point (3,) show of it.
 
     Args:
-        target: what lies at it.
+        target: what lies at it; returns farther than it reaches take no part.
     """
+    around = around.where(np.hypot(*around.xyz_m[:, :2].T) <= target.reach_m)
     if target.kind is TargetKind.GROUND:
         return _seen_ground(point_m, around, sight, np.zeros(2))
     if target.kind is TargetKind.CORNER:

@@ -206,6 +206,16 @@ def test_targets__that_are_not_there_are_not_found(kind: TargetKind) -> None:
         assert len(found.heights) == (kind is not TargetKind.CORNER)
 
 
+@pytest.mark.parametrize("kind", list(TargetKind))
+def test_returns__beyond_the_reach_of_a_target_take_no_part(kind: TargetKind) -> None:
+    """Other targets of the same file may reach farther."""
+    target = Target(kind, 0.1 if kind in (TargetKind.DISC, TargetKind.CHECKERBOARD) else 0.0)
+    turn = np.linspace(0.0, 2.0 * np.pi, 50)
+    ring = 1.01 * target.reach_m * np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
+    returns = ReturnsAround(ring, np.full(len(ring), T0_S), np.full(len(ring), 40.0))
+    assert seen_point(np.zeros(3), returns, STILL, target) == SeenPoint(why_not=Unseen.NO_RETURNS)
+
+
 def corner_returns(chance: np.random.Generator, middle: FloatArray, turn_rad: float, upright: bool) -> FloatArray:
     """Returns of two walls and the ground round an outer corner, or of a hedge, with noise of 1 cm."""
     plane = chance.uniform(0.0, 1.4, (3, 400, 2))
