@@ -52,8 +52,8 @@ CLOCK_ROUNDS: Final = 6
 """Clocks that are off are corrected at most so often, less one."""
 UNSOLVED: Final = Notice("matching-unsolved")
 """Positions and ground do not determine a part of the trajectory."""
-OVERTURNED_DEG: Final = 60.0
-"""No vehicle on wheels leans so far: without heights, poses may roll over with the ground that they see."""
+OVERTURNED_DEG: Final = 90.0
+"""No vehicle on wheels rolls so far: without heights, poses may do so with the ground that they see."""
 
 
 @dataclass(frozen=True)
