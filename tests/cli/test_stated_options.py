@@ -168,7 +168,7 @@ def test_check__status_follows_the_required_accuracy(
         "Maximum vertical RMSE (else exit status 4).",
         "including the error of the survey",
         "horizontal error. [default: none]",
-        "Diameter of the discs. [default: 0.3; x>0.0]",
+        "Diameter of discs, side of checkerboards. [default: 0.3; x>0.0]",
     )
     assert call(capsys, "check", cloud, survey, "--crs", "EPSG:6677", *options)[0] == status
 
