@@ -277,8 +277,6 @@ def _edge_sigma_m(returns: int, size_m: float, edges: float) -> float:
 
 def _picture(around: ReturnsAround, target: Target, found: SeenTarget | None) -> TargetPicture | None:
     """A picture of the target and what lies round it, or of where it was looked for; None without returns."""
-    if not len(around):
-        return None
     reach_m = target.reach_m
     if found is not None:
         shown_m = max(PICTURE_SIZES * target.size_m, CORNER_SEARCH_M if target.kind is TargetKind.CORNER else 0.0)
@@ -286,6 +284,8 @@ def _picture(around: ReturnsAround, target: Target, found: SeenTarget | None) ->
     pixel_m = 2.0 * reach_m / PICTURE_PIXELS
     column, row = np.floor((around.xyz_m[:, :2] * (1.0, -1.0) + reach_m) / pixel_m).astype(np.int64).T
     inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) < PICTURE_PIXELS)
+    if not inside.any():
+        return None
     at = (row * PICTURE_PIXELS + column)[inside]
     count = np.bincount(at, minlength=PICTURE_PIXELS**2)
     total = np.bincount(at, around.intensity[inside], minlength=PICTURE_PIXELS**2)
