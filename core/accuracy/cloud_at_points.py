@@ -47,6 +47,7 @@ def cloud_at_points(
     Args:
         targets: attribute in which targets are detected, for the horizontal error.
         diameter_m: of discs, or side of checkerboards.
+        shape: of the targets.
 
     Raises:
         InputError: if a file cannot be read.

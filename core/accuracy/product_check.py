@@ -212,6 +212,7 @@ def check_product(
     Args:
         targets: attribute in which targets are detected, for the horizontal error.
         diameter_m: of discs, or side of checkerboards.
+        shape: of the targets.
 
     Raises:
         InputError: if a file cannot be read, or no point lies in the product.

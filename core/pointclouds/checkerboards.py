@@ -17,7 +17,7 @@ MIN_BOARD_SHARE: Final = 0.6
 """Share of the variance of the brightness that the board explains, at least. A bright corner of a dark area, the most
 alike of what lies on fields, explains a third, and a disc less."""
 MIN_PARTED_SHARE: Final = 0.85
-"""Share of the returns of each quarter that have its brightness, at least: stripes have less."""
+"""Share of the returns of each quarter that have its brightness, at least: most stripes have less."""
 BORDER_SHARE: Final = 0.05
 """Returns so near to an edge, in sides, may be of both quarters."""
 BOARD_STEPS: Final = 25
@@ -57,7 +57,8 @@ def find_checkerboard(xy_m: FloatArray, brightness: FloatArray, side_m: float, s
     coarse = _coarse(xy, light, side_m, search_m)
     if coarse is None:
         return None
-    middle, turn_deg = coarse.middle_m, coarse.turn_deg
+    middle = coarse.middle_m
+    turn_deg = coarse.turn_deg
     bright = _bright(xy - middle, light, turn_deg, side_m)
     for reach, turn_reach in FINE_SEARCHES:
         middle, turn_deg = _finer(xy, bright, middle, turn_deg, side_m, reach, turn_reach * TURN_STEP_DEG)

@@ -281,28 +281,14 @@ def _predicted(error: FrameError | None, rows: ControlObservations, axis: int) -
 def _notices(result: ControlResult, found: Snooped) -> list[Notice]:
     """What the points show, and which take no part."""
     out: list[Notice] = []
+    seen = [point for point in result.points if point.state is not PointState.NOT_OBSERVED]
     unseen = [point for point in result.points if point.state is PointState.NOT_OBSERVED]
-    if unseen:
-        out.append(
-            Notice(
-                "ground-control-unseen",
-                unseen=len(unseen),
-                points=len(result.points),
-                names=", ".join(point.name for point in unseen[:NAMED_POINTS]),
-                more=len(unseen) > NAMED_POINTS,
-            )
-        )
-    no_target = [point for point in result.points if point.why_not is Unseen.NO_TARGET and point not in unseen]
-    if no_target:
-        out.append(
-            Notice(
-                "ground-control-unseen.target",
-                unseen=len(no_target),
-                points=len(result.points),
-                names=", ".join(point.name for point in no_target[:NAMED_POINTS]),
-                more=len(no_target) > NAMED_POINTS,
-            )
-        )
+    no_target = [point for point in seen if point.why_not is Unseen.NO_TARGET]
+    for key, points in (("ground-control-unseen", unseen), ("ground-control-unseen.target", no_target)):
+        if points:
+            names = ", ".join(point.name for point in points[:NAMED_POINTS])
+            more = len(points) > NAMED_POINTS
+            out.append(Notice(key, unseen=len(points), points=len(result.points), names=names, more=more))
     left_out = [point for point in result.points if point.state is PointState.LEFT_OUT]
     if left_out:
         out.append(
