@@ -4,8 +4,7 @@ The level of a channel is taken for the product of the ground's brightness, a ga
 function of the distance from the middle of the image (Goldman and Chen 2005); in logarithms they add up.
 """
 
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,21 +26,21 @@ MIN_OBSERVATIONS: Final = 200
 """Observations without which nothing is balanced."""
 
 
-@dataclass(frozen=True)
-class Balance:
+class Balance(NamedTuple):
     """Gains and vignetting, as natural logarithms of factors of the levels.
 
     `gain` (n, 3) is of each frame's red, green and blue; `vignetting` (3,) are coefficients of the square, fourth and
-    sixth power of the distance from the middle of the image, 1 in its corners.
+    sixth power of the distance from the middle of the image, 1 in its corners. `factor` (n, 3) undoes the gains.
     """
 
     gain: FloatArray
     vignetting: FloatArray
+    factor: FloatArray
 
     @classmethod
     def none(cls, count: int) -> "Balance":
         """No differences between `count` frames, and no vignetting."""
-        return cls(np.zeros((count, 3)), np.zeros(3))
+        return cls(np.zeros((count, 3)), np.zeros(3), np.ones((count, 3)))
 
     @property
     def corner(self) -> float:
@@ -68,8 +67,9 @@ def balance_frames(
     powers = np.column_stack([square, square**2, square**3])
     shared = _fit(which, frame, count, logs.mean(axis=1), powers)
     left = logs - (powers @ shared[count:])[:, None]
-    gain = np.column_stack([_fit(which, frame, count, left[:, c], None)[:count] for c in range(3)])
-    return Balance(np.ascontiguousarray(gain), np.ascontiguousarray(shared[count:]))
+    channels = [_fit(which, frame, count, left[:, c], None)[:count] for c in range(3)]
+    gain = np.ascontiguousarray(np.column_stack(channels))
+    return Balance(gain, np.ascontiguousarray(shared[count:]), np.exp(-gain))
 
 
 def _fit(

@@ -2,7 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from furrowmap.core.runtime.kernels import kernel, kernel_part
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.camera import Camera
 
 BALANCE_SAMPLES: Final = 8_000
 """Points from whose colours in several frames these are balanced."""
@@ -56,37 +55,38 @@ class ColourMaker:
         Raises OSError if the disk has no room for the images.
         """
         visibility = self._visibility.finish()
-        pixels = decode_frames(self._frames, progress)
+        pixels, notices = decode_frames(self._frames, progress)
         samples = np.concatenate([np.zeros((0, 3)), *self._samples])
-        count = len(visibility.slack)
-        plain = Colours(visibility, pixels, Balance.none(count), np.zeros(count))
-        point, frame, at_px, levels = observations(samples, *plain.arguments[:-2], MAX_OBSERVATIONS)
-        middle = 0.5 * (visibility.view.size - 1.0)
-        radius = np.linalg.norm(at_px - middle, axis=1) / (0.5 * np.linalg.norm(visibility.view.size))
-        balance = balance_frames(count, point, frame, radius, levels)
-        return Colours(visibility, pixels, balance, self._frames.poses.t_s)
+        point, frame, at_px, levels = observations(samples, visibility, pixels, MAX_OBSERVATIONS)
+        middle = 0.5 * (visibility.views.size - 1.0)
+        radius = np.linalg.norm(at_px - middle, axis=1) / (0.5 * np.linalg.norm(visibility.views.size))
+        balance = balance_frames(len(self._frames), point, frame, radius, levels)
+        return Colours(visibility, pixels, balance, self._frames.poses.t_s, notices)
 
 
 MAX_PIXEL_BYTES: Final = 6_000_000_000
 """On disk, of all frames together; larger ones are reduced by 2, 4, ... until they fit."""
 
 
-@dataclass(frozen=True)
-class FramePixels:
-    """Pixels (n, height, width, 3) uint8 of all frames, and which could be read; each is the mean of a square.
+class FramePixels(NamedTuple):
+    """Pixels of all frames.
 
-    The camera is that of the pixels, `reduction` the side of the squares. A notice counts those that are unusable.
+    Attributes:
+        rgb: (n, height, width, 3) uint8; each pixel is the mean of a square of the image's.
+        usable: (n,) which could be read.
+        reduction: side of the squares.
     """
 
-    camera: Camera
     rgb: NDArray[np.uint8]
     usable: NDArray[np.bool_]
     reduction: int
-    notices: tuple[Notice, ...]
 
 
-def decode_frames(frames: Frames, progress: Progress = silent) -> FramePixels:
-    """Decode all frames, stage "reading images"; raises OSError if the disk has no room for them."""
+def decode_frames(frames: Frames, progress: Progress = silent) -> tuple[FramePixels, tuple[Notice, ...]]:
+    """Decode all frames, stage "reading images"; a notice counts those that could not be read.
+
+    Raises OSError if the disk has no room for them.
+    """
     camera = frames.camera
     reduction = 1
     least = min(camera.width, camera.height)
@@ -124,7 +124,7 @@ def decode_frames(frames: Frames, progress: Progress = silent) -> FramePixels:
                 bad_first=bad[0],
             )
         )
-    return FramePixels(small, rgb, np.array([not fault for fault in faults], bool), reduction, tuple(notices))
+    return FramePixels(rgb, np.array([not fault for fault in faults], bool), reduction), tuple(notices)
 
 
 TIME_S: Final = 30.0
@@ -143,6 +143,25 @@ FINER: Final = (5, 4, 2, 1)
 OPAQUE: Final = 255
 
 
+class ShownPart(NamedTuple):
+    """The part of a surface that an orthophoto shows.
+
+    Attributes:
+        height_m: (rows, columns) float32 of the surface, or nan.
+        row: the first in the picture.
+        column: the first in the picture.
+        corner_m: (3,) easting and northing of its upper left corner, and zero of the heights.
+        finer: pixels across a cell.
+    """
+
+    height_m: NDArray[np.float32]
+    row: int
+    column: int
+    corner_m: FloatArray
+    finer: int
+    pixel_m: float
+
+
 @dataclass(frozen=True)
 class Colours:
     """What gives points their colours: the frames at times (n,), and the balance of their exposures."""
@@ -151,6 +170,7 @@ class Colours:
     pixels: FramePixels
     balance: Balance
     t_s: FloatArray
+    notices: tuple[Notice, ...]
 
     def of_points(self, xyz_m: FloatArray, t_s: FloatArray) -> tuple[NDArray[np.uint16], NDArray[np.int32]]:
         """The colour of each point in the best frame that sees it.
@@ -168,14 +188,9 @@ class Colours:
         """
         rgb = np.zeros((3, len(xyz_m)), np.uint16)
         frame = np.full(len(xyz_m), NO_FRAME, np.int32)
-        best_colours(
-            np.ascontiguousarray(xyz_m, np.float64),
-            np.ascontiguousarray(t_s, np.float64),
-            self.t_s,
-            *self.arguments,
-            rgb,
-            frame,
-        )
+        points = np.ascontiguousarray(xyz_m, np.float64)
+        times = np.ascontiguousarray(t_s, np.float64)
+        best_colours(points, times, self.t_s, self.visibility, self.pixels, self.balance, rgb, frame)
         return rgb, frame
 
     def pixels_a_cell(self, cell_m: float) -> int:
@@ -183,7 +198,7 @@ class Colours:
         near = [float(np.median(known)) for one in self.visibility.depth_m if len(known := one[np.isfinite(one)])]
         if not near:
             return FINER[-1]
-        on_ground_m = float(np.median(near)) * self.pixels.reduction / float(self.visibility.view.intrinsics[0])
+        on_ground_m = float(np.median(near)) * self.pixels.reduction / float(self.visibility.views.intrinsics[0])
         return next((finer for finer in FINER if cell_m / finer >= on_ground_m), FINER[-1])
 
     def orthophoto(
@@ -198,36 +213,25 @@ class Colours:
         rows, columns = part.window_in(wide)
         out = np.zeros((4, part.rows * finer, part.columns * finer), np.uint8)
         corner = np.array([part.bounds_m[0], part.bounds_m[3], 0.0]) - origin_m
-        begin = np.array([rows.start, columns.start])
-        blended_colours(height_m, begin, finer, corner, part.cell_m / finer, *self.arguments, out)
+        shown = ShownPart(height_m, rows.start, columns.start, corner, finer, part.cell_m / finer)
+        blended_colours(shown, self.visibility, self.pixels, self.balance, out)
         return out
 
-    @property
-    def arguments(self) -> tuple[Any, ...]:
-        """What the kernels take after the points: view, depth maps, index, pixels, last factors and vignetting."""
-        v = self.visibility
-        index = self.visibility.index
-        return (
-            *(v.view.centre_m, v.view.matrix, v.view.intrinsics, v.view.widest, v.view.size),
-            *(v.depth_m, v.slack, v.cell_px),
-            *(index.corner_m, index.cell_m, index.columns, index.start, index.frames),
-            *(self.pixels.rgb, self.pixels.usable, self.pixels.reduction),
-            *(np.exp(-self.balance.gain), self.balance.vignetting),
-        )
-
 
 @kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
-def cell_of(east, north, corner, cell_m, columns, cells):  # type: ignore[no-untyped-def]
+def cell_of(east, north, index):  # type: ignore[no-untyped-def]
     """Number of the index's cell of a place; places beyond are in the outermost cells."""
-    rows = cells // columns
-    row = min(max(int((north - corner[1]) / cell_m), 0), rows - 1)
-    column = min(max(int((east - corner[0]) / cell_m), 0), columns - 1)
-    return row * columns + column
+    rows = (len(index.start) - 1) // index.columns
+    row = min(max(int((north - index.corner_m[1]) / index.cell_m), 0), rows - 1)
+    column = min(max(int((east - index.corner_m[0]) / index.cell_m), 0), index.columns - 1)
+    return row * index.columns + column
 
 
 @kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
-def direction(east, north, up, centre, matrix, k):  # type: ignore[no-untyped-def]
+def direction(east, north, up, view, k):  # type: ignore[no-untyped-def]
     """Tangents x / z and y / z, and depth z, of a point in the optical frame."""
+    centre = view.centre_m
+    matrix = view.matrix
     dx = east - centre[k, 0]
     dy = north - centre[k, 1]
     dz = up - centre[k, 2]
@@ -238,17 +242,20 @@ def direction(east, north, up, centre, matrix, k):  # type: ignore[no-untyped-de
 
 
 @kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
-def is_seen(u, v, z, size, depth, slack, cell_px, k):  # type: ignore[no-untyped-def]
+def is_seen(u, v, z, visibility, k):  # type: ignore[no-untyped-def]
     """Whether a pixel is inside the image and nothing lies before the depth z."""
+    size = visibility.views.size
     if not (BORDER_PX <= u <= size[0] - 1.0 - BORDER_PX and BORDER_PX <= v <= size[1] - 1.0 - BORDER_PX):
         return False
-    nearest = depth[k, int((v + 0.5) / cell_px), int((u + 0.5) / cell_px)]
-    return z <= nearest + SLACK_M + slack[k] * nearest
+    nearest = visibility.depth_m[k, int((v + 0.5) / visibility.cell_px), int((u + 0.5) / visibility.cell_px)]
+    return z <= nearest + SLACK_M + visibility.slack[k] * nearest
 
 
 @kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
-def level(rgb, k, u, v, reduction, channel):  # type: ignore[no-untyped-def]
+def level(pixels, k, u, v, channel):  # type: ignore[no-untyped-def]
     """The grey level (0 to 255) of a channel at a pixel of the unreduced image, bilinear."""
+    rgb = pixels.rgb
+    reduction = pixels.reduction
     at_u = min(max((u - 0.5 * (reduction - 1)) / reduction, 0.0), rgb.shape[2] - 1.001)
     at_v = min(max((v - 0.5 * (reduction - 1)) / reduction, 0.0), rgb.shape[1] - 1.001)
     column = int(at_u)
@@ -269,103 +276,108 @@ def darkening(u, v, size, vignetting):  # type: ignore[no-untyped-def]
     return square * (vignetting[0] + square * (vignetting[1] + square * vignetting[2]))
 
 
-@kernel(error_model="numpy", fastmath={"contract", "arcp"})
-def best_colours(  # type: ignore[no-untyped-def]
-    xyz, t_s, frame_s, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
-    corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out, out_frame,
-):  # fmt: skip
+@kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
+def best_colours(xyz, t_s, frame_s, visibility, pixels, balance, out, out_frame):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`Colours.of_points`."""
+    view = visibility.views
+    index = visibility.places
     for i in range(len(xyz)):
-        cell = cell_of(xyz[i, 0], xyz[i, 1], corner, cell_m, columns, len(start) - 1)
+        cell = cell_of(xyz[i, 0], xyz[i, 1], index)
         best = np.inf
         best_k = NO_FRAME
         best_u = 0.0
         best_v = 0.0
-        for at in range(start[cell], start[cell + 1]):
-            k = listed[at]
-            if not usable[k]:
+        for at in range(index.start[cell], index.start[cell + 1]):
+            k = index.frames[at]
+            if not pixels.usable[k]:
                 continue
-            x, y, z = direction(xyz[i, 0], xyz[i, 1], xyz[i, 2], centre, matrix, k)
+            x, y, z = direction(xyz[i, 0], xyz[i, 1], xyz[i, 2], view, k)
             square = x * x + y * y
-            if not (z > MIN_DISTANCE_M and square <= widest * widest):
+            if not (z > MIN_DISTANCE_M and square <= view.widest * view.widest):
                 continue
             apart = abs(t_s[i] - frame_s[k])
             cost = z * (1.0 + OFF_AXIS * square) * (1.0 + (apart / TIME_S if apart >= 0.0 else 0.0))
             if cost >= best:
                 continue
-            u, v = pixel_of(intrinsics, x, y)
-            if is_seen(u, v, z, size, depth, slack, cell_px, k):
+            u, v = pixel_of(view.intrinsics, x, y)
+            if is_seen(u, v, z, visibility, k):
                 best = cost
                 best_k = k
                 best_u = u
                 best_v = v
         if best_k == NO_FRAME:
             continue
-        bright = np.exp(-darkening(best_u, best_v, size, vignetting)) * TO_16_BIT
+        bright = np.exp(-darkening(best_u, best_v, view.size, balance.vignetting)) * TO_16_BIT
         for channel in range(3):
-            value = level(pixels, best_k, best_u, best_v, reduction, channel) * bright * factor[best_k, channel]
+            value = level(pixels, best_k, best_u, best_v, channel) * bright * balance.factor[best_k, channel]
             out[channel, i] = np.uint16(min(max(value + 0.5, 1.0), 65535.0))
         out_frame[i] = best_k
 
 
 @kernel(error_model="numpy", fastmath={"contract", "arcp"})
-def blended_colours(  # type: ignore[no-untyped-def]
-    height, begin, pixels_across, place, pixel_m, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
-    corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out,
-):  # fmt: skip
-    """Kernel of :meth:`Colours.orthophoto`; the weights of the frames are those of the middle of each cell.
+def blended_colours(shown, visibility, pixels, balance, out):  # type: ignore[no-untyped-def]
+    """Kernel of :meth:`Colours.orthophoto`."""
+    finer = shown.finer
+    rise = np.empty((finer, finer))
+    sums = np.empty((finer, finer, 4))
+    for row in range(out.shape[1] // finer):
+        for column in range(out.shape[2] // finer):
+            blend_cell(row, column, shown, visibility, pixels, balance, rise, sums, out)
 
-    `out` begins in a cell of `height`, at the easting, northing of `place`, which also has the zero of the heights.
-    """
-    middle = 0.5 * (pixels_across - 1.0)
-    rise = np.empty((pixels_across, pixels_across))
-    sums = np.empty((pixels_across, pixels_across, 4))
-    for row in range(out.shape[1] // pixels_across):
-        for column in range(out.shape[2] // pixels_across):
-            own = height[begin[0] + row, begin[1] + column]
-            e_m = place[0] + (column + 0.5) * pixels_across * pixel_m
-            n_m = place[1] - (row + 0.5) * pixels_across * pixel_m
-            cell = cell_of(e_m, n_m, corner, cell_m, columns, len(start) - 1)
-            if not np.isfinite(own) or start[cell] == start[cell + 1]:
-                continue
-            rise_within(height, begin[0] + row, begin[1] + column, rise)
-            sums[:] = 0.0
-            for at in range(start[cell], start[cell + 1]):
-                k = listed[at]
-                if not usable[k]:
+
+@kernel_part(error_model="numpy", fastmath={"contract", "arcp"})
+def blend_cell(row, column, shown, visibility, pixels, balance, rise, sums, out):  # type: ignore[no-untyped-def]
+    """The pixels of a cell; the weights of the frames are those of its middle. `rise` and `sums` are room for it."""
+    view = visibility.views
+    index = visibility.places
+    finer = shown.finer
+    pixel_m = shown.pixel_m
+    middle = 0.5 * (finer - 1.0)
+    own = shown.height_m[shown.row + row, shown.column + column]
+    e_m = shown.corner_m[0] + (column + 0.5) * finer * pixel_m
+    n_m = shown.corner_m[1] - (row + 0.5) * finer * pixel_m
+    cell = cell_of(e_m, n_m, index)
+    if not np.isfinite(own) or index.start[cell] == index.start[cell + 1]:
+        return
+    rise_within(shown.height_m, shown.row + row, shown.column + column, rise)
+    sums[:] = 0.0
+    for at in range(index.start[cell], index.start[cell + 1]):
+        k = index.frames[at]
+        if not pixels.usable[k]:
+            continue
+        x, y, z = direction(e_m, n_m, own + shown.corner_m[2], view, k)
+        square = x * x + y * y
+        if not (z > MIN_DISTANCE_M and square <= view.widest * view.widest):
+            continue
+        u, v = pixel_of(view.intrinsics, x, y)
+        if not is_seen(u, v, -np.inf, visibility, k):
+            continue
+        # It fades out towards the border of the image, where a frame begins or ends.
+        size = view.size
+        edge = min(min(u, size[0] - 1.0 - u) / size[0], min(v, size[1] - 1.0 - v) / size[1])
+        weight = min(1.0, 20.0 * edge) / (z * (1.0 + OFF_AXIS * square)) ** SHARPNESS
+        bright = weight * np.exp(-darkening(u, v, size, balance.vignetting))
+        for a in range(finer):
+            for b in range(finer):
+                at_e = e_m + (b - middle) * pixel_m
+                at_n = n_m + (middle - a) * pixel_m
+                up = own + shown.corner_m[2] + rise[a, b]
+                at_x, at_y, at_z = direction(at_e, at_n, up, view, k)
+                at_u, at_v = pixel_of(view.intrinsics, at_x, at_y)
+                if not is_seen(at_u, at_v, at_z, visibility, k):
                     continue
-                x, y, z = direction(e_m, n_m, own + place[2], centre, matrix, k)
-                square = x * x + y * y
-                if not (z > MIN_DISTANCE_M and square <= widest * widest):
-                    continue
-                u, v = pixel_of(intrinsics, x, y)
-                if not is_seen(u, v, -np.inf, size, depth, slack, cell_px, k):
-                    continue
-                # It fades out towards the border of the image, where a frame begins or ends.
-                edge = min(min(u, size[0] - 1.0 - u) / size[0], min(v, size[1] - 1.0 - v) / size[1])
-                weight = min(1.0, 20.0 * edge) / (z * (1.0 + OFF_AXIS * square)) ** SHARPNESS
-                bright = weight * np.exp(-darkening(u, v, size, vignetting))
-                for a in range(pixels_across):
-                    for b in range(pixels_across):
-                        at_e = e_m + (b - middle) * pixel_m
-                        at_n = n_m + (middle - a) * pixel_m
-                        up = own + place[2] + rise[a, b]
-                        at_x, at_y, at_z = direction(at_e, at_n, up, centre, matrix, k)
-                        at_u, at_v = pixel_of(intrinsics, at_x, at_y)
-                        if not is_seen(at_u, at_v, at_z, size, depth, slack, cell_px, k):
-                            continue
-                        sums[a, b, 3] += weight
-                        for channel in range(3):
-                            shown = level(pixels, k, at_u, at_v, reduction, channel)
-                            sums[a, b, channel] += shown * bright * factor[k, channel]
-            for a in range(pixels_across):
-                for b in range(pixels_across):
-                    if sums[a, b, 3] > 0.0:
-                        i = row * pixels_across + a
-                        j = column * pixels_across + b
-                        out[3, i, j] = OPAQUE
-                        for channel in range(3):
-                            out[channel, i, j] = np.uint8(min(sums[a, b, channel] / sums[a, b, 3], 255.0) + 0.5)
+                sums[a, b, 3] += weight
+                for channel in range(3):
+                    grey = level(pixels, k, at_u, at_v, channel)
+                    sums[a, b, channel] += grey * bright * balance.factor[k, channel]
+    for a in range(finer):
+        for b in range(finer):
+            if sums[a, b, 3] > 0.0:
+                i = row * finer + a
+                j = column * finer + b
+                out[3, i, j] = OPAQUE
+                for channel in range(3):
+                    out[channel, i, j] = np.uint8(min(sums[a, b, channel] / sums[a, b, 3], 255.0) + 0.5)
 
 
 @kernel_part()
@@ -390,33 +402,32 @@ def rise_within(height, row, column, out):  # type: ignore[no-untyped-def]
 
 
 @kernel(error_model="numpy", fastmath={"contract", "arcp"})
-def observations(  # type: ignore[no-untyped-def]
-    xyz, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
-    corner, cell_m, columns, start, listed, pixels, usable, reduction, most,
-):  # fmt: skip
+def observations(xyz, visibility, pixels, most):  # type: ignore[no-untyped-def]
     """Every frame's levels of points: point, frame, pixel (m, 2) and levels (m, 3); at most `most`."""
+    view = visibility.views
+    index = visibility.places
     point = np.empty(most, np.int32)
     frame = np.empty(most, np.int32)
     at_px = np.empty((most, 2))
     levels = np.empty((most, 3))
     count = 0
     for i in range(len(xyz)):
-        cell = cell_of(xyz[i, 0], xyz[i, 1], corner, cell_m, columns, len(start) - 1)
-        for at in range(start[cell], start[cell + 1]):
-            k = listed[at]
-            if not usable[k] or count == most:
+        cell = cell_of(xyz[i, 0], xyz[i, 1], index)
+        for at in range(index.start[cell], index.start[cell + 1]):
+            k = index.frames[at]
+            if not pixels.usable[k] or count == most:
                 continue
-            x, y, z = direction(xyz[i, 0], xyz[i, 1], xyz[i, 2], centre, matrix, k)
-            if not (z > MIN_DISTANCE_M and x * x + y * y <= widest * widest):
+            x, y, z = direction(xyz[i, 0], xyz[i, 1], xyz[i, 2], view, k)
+            if not (z > MIN_DISTANCE_M and x * x + y * y <= view.widest * view.widest):
                 continue
-            u, v = pixel_of(intrinsics, x, y)
-            if not is_seen(u, v, z, size, depth, slack, cell_px, k):
+            u, v = pixel_of(view.intrinsics, x, y)
+            if not is_seen(u, v, z, visibility, k):
                 continue
             point[count] = i
             frame[count] = k
             at_px[count, 0] = u
             at_px[count, 1] = v
             for channel in range(3):
-                levels[count, channel] = level(pixels, k, u, v, reduction, channel)
+                levels[count, channel] = level(pixels, k, u, v, channel)
             count += 1
     return point[:count], frame[:count], at_px[:count], levels[:count]

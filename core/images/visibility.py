@@ -5,8 +5,7 @@ on the visibility of point sets see Katz et al. 2007). The cells of a depth map 
 surfaces in view are dense, so that surfaces are closed.
 """
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +36,8 @@ SLACK_CELLS: Final = 4.0
 at an angle below about 63° off its normal does not hide itself."""
 
 
-@dataclass(frozen=True)
-class FrameView:
-    """Frames as the kernels take them, against a local origin.
+class FrameView(NamedTuple):
+    """Where frames were and what they see, against a local origin.
 
     Attributes:
         centre_m: (n, 3) projection centres.
@@ -82,8 +80,7 @@ class FrameView:
         )
 
 
-@dataclass(frozen=True)
-class PlaceIndex:
+class PlaceIndex(NamedTuple):
     """Frames by place: which frames have points of a cell of the map in view.
 
     Attributes:
@@ -100,8 +97,7 @@ class PlaceIndex:
     frames: NDArray[np.int32]
 
 
-@dataclass(frozen=True)
-class Visibility:
+class Visibility(NamedTuple):
     """What the frames see.
 
     Attributes:
@@ -110,11 +106,32 @@ class Visibility:
         cell_px: pixels across a cell of `depth_m`.
     """
 
-    view: FrameView
+    views: FrameView
     depth_m: NDArray[np.float32]
     slack: FloatArray
     cell_px: int
-    index: PlaceIndex
+    places: PlaceIndex
+
+
+class SeenCells(NamedTuple):
+    """What the frames see of the points so far.
+
+    Attributes:
+        depth_m: (n, rows, columns) float32 least depth in each cell of the images.
+        points: (n,) int64 points in each image.
+        cell_px: pixels across a cell of `depth_m`.
+        corner_m: (2,) lower left corner of the cells of the map, against the local origin.
+        frames: (rows · columns, bytes) uint8 of each cell of the map, a bit for each frame that sees points in it.
+    """
+
+    depth_m: NDArray[np.float32]
+    points: NDArray[np.int64]
+    cell_px: int
+    corner_m: FloatArray
+    cell_m: float
+    rows: int
+    columns: int
+    frames: NDArray[np.uint8]
 
 
 class VisibilityMaker:
@@ -127,62 +144,47 @@ class VisibilityMaker:
     def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
         camera = frames.camera
         self.view = FrameView.from_frames(frames, origin_m)
-        self._cell_px = max(CELL_PX, -(-max(camera.width, camera.height) // MAX_DEPTH_CELLS))
-        rows = -(-camera.height // self._cell_px)
-        columns = -(-camera.width // self._cell_px)
-        self._depth: NDArray[np.float32] = arrays.full((len(frames), rows, columns), np.inf, np.float32)
-        self._points = np.zeros(len(frames), np.int64)
+        cell_px = max(CELL_PX, -(-max(camera.width, camera.height) // MAX_DEPTH_CELLS))
+        images = len(frames), -(-camera.height // cell_px), -(-camera.width // cell_px)
+        depth_m = arrays.full(images, np.inf, np.float32)
         low = self.view.centre_m[:, :2].min(axis=0) - MAX_DISTANCE_M
         extent = self.view.centre_m[:, :2].max(axis=0) + MAX_DISTANCE_M - low
         words = -(-len(frames) // 8)
-        self._cell_m = max(INDEX_CELL_M, float(np.sqrt(np.prod(extent) * words / INDEX_BYTES)))
-        self._shape = tuple(int(length) for length in np.ceil(extent[::-1] / self._cell_m))
-        self._corner_m = low
-        self._seen: NDArray[np.uint8] = arrays.zeros((self._shape[0] * self._shape[1], words), np.uint8)
+        cell_m = max(INDEX_CELL_M, float(np.sqrt(np.prod(extent) * words / INDEX_BYTES)))
+        rows, columns = (int(length) for length in np.ceil(extent[::-1] / cell_m))
+        bits = arrays.zeros((rows * columns, words), np.uint8)
+        self._seen = SeenCells(depth_m, np.zeros(len(frames), np.int64), cell_px, low, cell_m, rows, columns, bits)
 
     def add(self, xyz_m: FloatArray) -> None:
         """Points (n, 3) of surfaces, which hide what is behind them."""
-        splat(
-            np.ascontiguousarray(xyz_m, np.float64),
-            self.view.centre_m,
-            self.view.matrix,
-            self.view.reach,
-            self.view.intrinsics,
-            self.view.widest,
-            self.view.size,
-            self._cell_px,
-            self._depth,
-            self._points,
-            self._corner_m,
-            self._cell_m,
-            np.array(self._shape),
-            self._seen,
-        )
+        splat(np.ascontiguousarray(xyz_m, np.float64), self.view, self._seen)
 
     def finish(self) -> Visibility:
         """The visibility of all points; the maker cannot be used any more."""
-        slack = np.empty(len(self._points))
-        for k, points in enumerate(self._points.tolist()):
-            depth = self._depth[k]
+        seen = self._seen
+        slack = np.empty(len(seen.points))
+        for k, points in enumerate(seen.points.tolist()):
+            depth = seen.depth_m[k]
             pooled = 1
             while pooled < MAX_POOLED_CELLS and points < POINTS_PER_CELL * np.isfinite(_least(depth, pooled)).sum():
                 pooled *= 2
-            self._depth[k] = widen_depth(depth, pooled)
-            slack[k] = SLACK_CELLS * pooled * self._cell_px / self.view.intrinsics[0]
-        return Visibility(self.view, self._depth, slack, self._cell_px, self._index())
+            seen.depth_m[k] = widen_depth(depth, pooled)
+            slack[k] = SLACK_CELLS * pooled * seen.cell_px / self.view.intrinsics[0]
+        return Visibility(self.view, seen.depth_m, slack, seen.cell_px, self._index())
 
     def _index(self) -> PlaceIndex:
-        cells = len(self._seen)
-        count = len(self._points)
+        seen = self._seen
+        cells = len(seen.frames)
+        count = len(seen.points)
         start = np.zeros(cells + 1, np.int64)
         parts = []
         for begin in range(0, cells, 1 << 12):
-            bits = np.unpackbits(self._seen[begin : begin + (1 << 12)], axis=1, count=count, bitorder="little")
+            bits = np.unpackbits(seen.frames[begin : begin + (1 << 12)], axis=1, count=count, bitorder="little")
             cell, frame = np.nonzero(bits)
             start[begin + 1 : begin + 1 + len(bits)] = np.bincount(cell, minlength=len(bits))
             parts.append(frame.astype(np.int32))
         frames = np.concatenate([np.zeros(0, np.int32), *parts])
-        return PlaceIndex(self._corner_m, self._cell_m, self._shape[1], np.cumsum(start), frames)
+        return PlaceIndex(seen.corner_m, seen.cell_m, seen.columns, np.cumsum(start), frames)
 
 
 def _least(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
@@ -205,10 +207,18 @@ def widen_depth(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
 
 
 @kernel(error_model="numpy", fastmath={"contract", "arcp"})
-def splat(  # type: ignore[no-untyped-def]
-    xyz, centre, matrix, reach, intrinsics, widest, size, cell_px, depth, points, corner, cell_m, shape, seen
-):
+def splat(xyz, view, found):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`VisibilityMaker.add`."""
+    # Arrays are taken out of the tuples before the loop: numba counts a reference each time that it takes one.
+    centre = view.centre_m
+    matrix = view.matrix
+    reach = view.reach
+    intrinsics = view.intrinsics
+    size = view.size
+    depth = found.depth_m
+    points = found.points
+    corner = found.corner_m
+    seen = found.frames
     cell = np.empty(PIECE, np.int64)
     for begin in range(0, len(xyz), PIECE):
         end = min(begin + PIECE, len(xyz))
@@ -218,9 +228,9 @@ def splat(  # type: ignore[no-untyped-def]
             for j in range(3):
                 low[j] = min(low[j], xyz[i, j])
                 high[j] = max(high[j], xyz[i, j])
-            at_row = min(max(int((xyz[i, 1] - corner[1]) / cell_m), 0), shape[0] - 1)
-            at_column = min(max(int((xyz[i, 0] - corner[0]) / cell_m), 0), shape[1] - 1)
-            cell[i - begin] = at_row * shape[1] + at_column
+            at_row = min(max(int((xyz[i, 1] - corner[1]) / found.cell_m), 0), found.rows - 1)
+            at_column = min(max(int((xyz[i, 0] - corner[0]) / found.cell_m), 0), found.columns - 1)
+            cell[i - begin] = at_row * found.columns + at_column
         middle = 0.5 * (low + high)
         radius = 0.5 * np.sqrt(((high - low) ** 2).sum())
         for k in range(len(centre)):
@@ -250,13 +260,13 @@ def splat(  # type: ignore[no-untyped-def]
                     continue
                 x = x / z
                 y = y / z
-                if x * x + y * y > widest * widest:
+                if x * x + y * y > view.widest * view.widest:
                     continue
                 u, v = pixel_of(intrinsics, x, y)
                 if not (-0.5 <= u < size[0] - 0.5 and -0.5 <= v < size[1] - 0.5):
                     continue
-                row = int((v + 0.5) / cell_px)
-                column = int((u + 0.5) / cell_px)
+                row = int((v + 0.5) / found.cell_px)
+                column = int((u + 0.5) / found.cell_px)
                 if z < depth[k, row, column]:
                     depth[k, row, column] = z
                 points[k] += 1

@@ -96,7 +96,7 @@ class RunColours:
         pixels = self._colours.pixels
         balance = self._colours.balance
         coloured, unseen, left_out = self._counts.tolist()
-        notices = [*pixels.notices]
+        notices = [*self._colours.notices]
         if coloured + unseen and not coloured:
             notices.append(Notice("nothing-coloured"))
         figures = {

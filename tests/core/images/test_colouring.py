@@ -39,7 +39,7 @@ def colours(frames: Frames) -> Colours:
     for part in np.array_split(np.concatenate(cloud()), 7):
         maker.add(part)
     made = maker.finish()
-    assert made.pixels.notices == ()
+    assert made.notices == ()
     return made
 
 
@@ -146,7 +146,7 @@ def test_images__that_cannot_be_read_are_counted_and_left_out(frames: Frames, tm
     ground, board = cloud()
     maker.add(np.concatenate([ground, board]))
     colours = maker.finish()
-    (notice,) = colours.pixels.notices
+    (notice,) = colours.notices
     assert notice.code == "images-not-decoded"
     assert "2 of 8 images" in notice.text
     _, frame = colours.of_points(ground, np.full(len(ground), np.nan))

@@ -71,7 +71,7 @@ def test_colours__of_soil_are_those_of_a_frame_that_was_held_out(shared_data: Pa
     use = bare & np.isfinite(pixel[:, 0]) & (frame != NO_FRAME)
     use[use] &= inside(camera, pixel[use])
     assert use.sum() > 3000
-    held, given = decode_frames(frames).rgb[HELD], rgb[:, use].T / 257.0
+    held, given = decode_frames(frames)[0].rgb[HELD], rgb[:, use].T / 257.0
     square = ((pixel[use] - 0.5 * np.array([799, 599])) ** 2).sum(axis=1) / (400.0**2 + 300.0**2)
     design = np.column_stack([np.ones(len(square)), square, square**2])
 

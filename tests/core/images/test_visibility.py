@@ -65,7 +65,7 @@ def test_places__are_seen_by_the_frames_above_them() -> None:
     maker = VisibilityMaker(frames, ORIGIN_M)
     maker.add(np.concatenate([ground(0.1), ground(0.1) + np.array([60.0, 0.0, 0.0]), [[0.0, 0.0, 7.0]]]))
     found = maker.finish()
-    index = found.index
+    index = found.places
     for east_m, frames_there in ((0.5, [0]), (60.5, [1]), (30.0, [])):
         column, row = ((np.array([east_m, 0.5]) - index.corner_m) // index.cell_m).astype(int)
         cell = row * index.columns + column
@@ -76,7 +76,7 @@ def test_places__are_seen_by_the_frames_above_them() -> None:
 
 def seen_by(found: Visibility, place_m: np.ndarray) -> list[int]:
     """The frames that the index names for a place."""
-    index = found.index
+    index = found.places
     column, row = ((place_m[:2] - index.corner_m) // index.cell_m).astype(int)
     cell = row * index.columns + column
     return index.frames[index.start[cell] : index.start[cell + 1]].tolist()
@@ -120,7 +120,7 @@ def test_points__are_seen_from_20_cm_to_150_m(below_m: float, seen: bool) -> Non
 def test_without_points__nothing_is_hidden_and_nothing_seen() -> None:
     found = VisibilityMaker(above(0.0), ORIGIN_M).finish()
     assert np.isinf(found.depth_m).all()
-    assert len(found.index.frames) == 0
+    assert len(found.places.frames) == 0
 
 
 def test_selected_frames__keep_their_poses() -> None:
