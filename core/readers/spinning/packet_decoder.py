@@ -5,17 +5,25 @@ The reader of a capture or a ROS bag pushes packets in batches through one `Pack
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.packet_counts import ScannerCounts
+from furrowmap.core.readers.return_columns import ReturnColumns
 from furrowmap.core.readers.spinning.hour_clock import SensorClock, settle
-from furrowmap.core.readers.spinning.scanner_model import RATE_TOLERANCE, AngleTable, ByteArray, Maker, Model
+from furrowmap.core.readers.spinning.scanner_model import (
+    MAX_RETURNS,
+    RATE_TOLERANCE,
+    AngleTable,
+    ByteArray,
+    Maker,
+    Model,
+)
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel_part
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.values.scan import Clock, Scan
 
@@ -29,10 +37,46 @@ turned within packets, the duration of that in seconds, and blocks skipped becau
 packets. The last is its length."""
 
 
+class ScanCuts(NamedTuple):
+    """Where one scan ends and the next begins.
+
+    Attributes:
+        at: (c,) index of the first return of each next scan.
+        by_wrap: (c,) whether azimuth passed 0 there, else there was a pause.
+    """
+
+    at: IntArray
+    by_wrap: NDArray[np.bool_]
+
+
+class DecoderScratch(NamedTuple):
+    """Room for what the kernel keeps of each laser while the turning rate stays, and of the returns of one.
+
+    Attributes:
+        cos_ahead: (n,) of the azimuth against that of the firing, times the cosine of the elevation.
+        sin_ahead: (n,) the same of the sine.
+        columns_ahead: (n,) of lasers that look aside.
+        ranges: (3,) in steps, by distance.
+        intensity: (3,) the same.
+    """
+
+    cos_ahead: FloatArray
+    sin_ahead: FloatArray
+    columns_ahead: IntArray
+    ranges: IntArray
+    intensity: ByteArray
+
+    @classmethod
+    def empty(cls, lasers: int) -> "DecoderScratch":
+        """Room for so many lasers."""
+        of_one = np.empty(MAX_RETURNS, np.int64), np.empty(MAX_RETURNS, np.uint8)
+        return cls(np.empty(lasers), np.empty(lasers), np.empty(lasers, np.int64), *of_one)
+
+
 def decode_returns(
     data: ByteArray, offset: IntArray, t_s: FloatArray, returns_of: ByteArray, model: Model, carried: FloatArray
-) -> tuple[Scan, IntArray, NDArray[np.bool_]]:
-    """The returns of data packets, and where one scan ends and the next begins.
+) -> tuple[Scan, ScanCuts]:
+    """The returns of data packets, as one scan, and where scans end among them.
 
     Args:
         data: (k,) the bytes of the packets.
@@ -40,40 +84,20 @@ def decode_returns(
         t_s: (m,) UTC of the stamp of each packet.
         returns_of: (m,) returns that firings of each packet have, 1 to 3.
         carried: (:data:`CARRIED`,) state after the batch before, at first zeros; updated.
-
-    Returns:
-        All returns as one scan; (c,) index of the first return of each next scan; (c,) whether azimuth passed 0 there,
-        else there was a pause.
     """
-    layout = model.layout
-    slots = len(offset) * layout.blocks * layout.units
-    t_out = np.empty(slots)
-    xyz = np.empty((slots, 3), np.float32)
-    intensity = np.empty(slots, np.uint8)
-    laser = np.empty(slots, np.uint8)
-    column = np.empty(slots, np.uint16)
-    return_number = np.empty(slots, np.uint8)
-    returns = np.empty(slots, np.uint8)
+    out = ReturnColumns.empty(len(offset) * model.layout.blocks * model.layout.units)
     firings = len(offset) * model.groups(1) * model.firings_per_block
-    cut_at = np.empty(firings, np.int64)
-    cut_by_wrap = np.empty(firings, np.bool_)
-    shape = np.array((layout.header, layout.azimuth, layout.block, layout.unit, layout.blocks, layout.marked))
+    cuts = ScanCuts(np.empty(firings, np.int64), np.empty(firings, np.bool_))
+    scratch = DecoderScratch.empty(model.lasers)
     # A read-only array is another type to numba: the kernel would be compiled a second time.
-    n, cuts = _decode(
-        np.require(data, requirements=["C", "W"]), np.ascontiguousarray(offset), np.ascontiguousarray(t_s), returns_of,
-        shape, model.packet_table, model.firings_per_block, model.first_firing_s, model.cycle_s, model.resolution_m,
-        model.laser_table, model.laser_order, carried,
-        t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
-    )  # fmt: skip
-    every = Scan(0, t_out, xyz, intensity, laser, column, return_number, returns, lasers=model.lasers)
-    return every[:n], cut_at[:cuts], cut_by_wrap[:cuts]
+    data = np.require(data, requirements=["C", "W"])
+    offset = np.ascontiguousarray(offset)
+    n, ends = _decode(data, offset, np.ascontiguousarray(t_s), returns_of, model.tables, carried, scratch, out, cuts)
+    return out.scan(n, model.lasers), ScanCuts(cuts.at[:ends], cuts.by_wrap[:ends])
 
 
-@kernel()
-def _decode(  # type: ignore[no-untyped-def]
-    data, offset, t_s, returns_of, shape, packet_table, per_block, first_firing_s, cycle_s, resolution_m, lasers, order,
-    state, t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
-):  # fmt: skip
+@kernel_part()
+def _decode(data, offset, t_s, returns_of, model, state, scratch, out, cuts):  # type: ignore[no-untyped-def]
     """Returns of all packets in the order of firing; their number, and the number of scans that end among them.
 
     Azimuth is in hundredths of a degree. The azimuth of a firing is that of its block, extrapolated by the packet's
@@ -81,68 +105,32 @@ def _decode(  # type: ignore[no-untyped-def]
     manual, section 9.5; PandarXT manual, appendix on absolute times). A sensor that reports only a sector fills its
     packets across the gap: the blocks after the leap are later by the time that turning through the gap takes.
     """
-    header, azimuth_at, block_bytes, unit, blocks_n, marked = shape
-    lasers_n = len(order)
-    group_s = per_block * cycle_s
-    max_step = np.ceil(_FASTEST * group_s)
-    to_rad = np.pi / 18_000.0
-    least = lasers[0, 1]
-    for i in range(lasers_n):
-        least = min(least, lasers[i, 1])
-    shift = np.empty(lasers_n, np.int64)
-    cos_ahead = np.empty(lasers_n)
-    sin_ahead = np.empty(lasers_n)
-    counts = np.empty(3, np.int64)
-    bright = np.empty(3, np.uint8)
+    per_block = model.firings_per_block
+    cycle_s = model.cycle_s
+    max_step = np.ceil(_FASTEST * (per_block * cycle_s))
     tabled_rate = -1.0
     n = 0
-    cuts = 0
+    ends = 0
     for p in range(len(offset)):
-        base = offset[p] + header
+        base = offset[p] + model.header
         echoes = np.int64(returns_of[p])
-        blocks = packet_table[echoes - 1, 0]
-        size = packet_table[echoes - 1, 1]
-        start_s = t_s[p] + first_firing_s[echoes - 1]
-
-        turned = np.int64(0)
-        steps = 0
-        at = base + azimuth_at
-        before = (np.int64(data[at]) | np.int64(data[at + 1]) << 8) % 36_000
-        if blocks == 1 and state[_STARTED] == 1.0 and 0.5 < (start_s - state[_TIME]) / group_s < 1.5:
-            step = (before - np.int64(state[_AZIMUTH]) + 18_000) % 36_000 - 18_000
-            if 0 <= step <= max_step:
-                turned += step
-                steps += 1
-        for _ in range(1, blocks):
-            at += size
-            block = (np.int64(data[at]) | np.int64(data[at + 1]) << 8) % 36_000
-            step = (block - before + 18_000) % 36_000 - 18_000
-            if abs(step) <= max_step:
-                turned += step
-                steps += 1
-            before = block
-        rate = max(0.0, turned / (steps * group_s)) if steps else state[_RATE]
-        state[_RATE] = rate
-        state[TURNED] += turned
-        state[TURNING] += steps * group_s
+        blocks = model.azimuths[echoes - 1]
+        start_s = t_s[p] + model.first_firing_s[echoes - 1]
+        steps = _turn(data, base + model.azimuth, blocks, model.stride[echoes - 1], start_s, model, state)
+        rate = state[_RATE]
         hidden = steps == blocks - 2  # one leap, between the edges of the sector that the sensor reports
         hidden_s = 0.0
-        for i in range(lasers_n if rate != tabled_rate else 0):
-            ahead = lasers[i, 1] + rate * lasers[i, 0] * to_rad
-            cos_ahead[i] = np.cos(ahead) * lasers[i, 2]
-            sin_ahead[i] = np.sin(ahead) * lasers[i, 2]
-            # in columns, of lasers that look aside; of steps of 0.01 degrees at least
-            shift[i] = np.int64(np.rint((lasers[i, 1] - least) / (max(rate * cycle_s, 1.0) * to_rad)))
+        if rate != tabled_rate:
+            _aim(rate, model, scratch)
         tabled_rate = rate
         turn_s = 36_000.0 / rate if rate > 0.0 else 0.1
-        at = base + azimuth_at
-        before = (np.int64(data[at]) | np.int64(data[at + 1]) << 8) % 36_000
+        before = _azimuth(data, base + model.azimuth)
         for b in range(blocks):
-            at = base + b * size
-            if marked and (data[at] != 0xFF or data[at + 1] != 0xEE):
-                state[BAD_BLOCKS] += blocks_n - b * blocks_n // blocks
+            at = base + b * model.stride[echoes - 1]
+            if model.marked and (data[at] != 0xFF or data[at + 1] != 0xEE):
+                state[BAD_BLOCKS] += model.blocks - b * model.blocks // blocks
                 break
-            block = (np.int64(data[at + azimuth_at]) | np.int64(data[at + azimuth_at + 1]) << 8) % 36_000
+            block = _azimuth(data, at + model.azimuth)
             leap = (block - before) % 36_000
             if hidden and max_step < leap < 36_000 - max_step and rate > 0.0:
                 hidden_s = (np.rint(leap / (rate * cycle_s)) - per_block) * cycle_s
@@ -152,65 +140,133 @@ def _decode(  # type: ignore[no-untyped-def]
                 if azimuth >= 36_000.0:
                     azimuth -= 36_000.0
                 fired_s = start_s + (b * per_block + f) * cycle_s + hidden_s
-                gap_s = fired_s - state[_TIME]
-                fallen = state[_AZIMUTH] - azimuth
-                pause = gap_s >= turn_s or gap_s < -turn_s
-                wrap = fallen > (18_000.0 if gap_s < 0.25 * turn_s else 50.0)
-                if state[_STARTED] == 0.0:
-                    state[_STARTED] = 1.0
-                    state[_COLUMN] = 0.0
-                elif pause or wrap or state[_COLUMN] >= 65_535.0:
-                    cut_at[cuts] = n
-                    cut_by_wrap[cuts] = wrap and not pause
-                    cuts += 1
-                    state[_COLUMN] = 0.0
-                else:
-                    state[_COLUMN] += 1.0
-                state[_AZIMUTH] = azimuth
-                state[_TIME] = fired_s
-                cos_a = np.cos(azimuth * to_rad)
-                sin_a = np.sin(azimuth * to_rad)
-                col = np.int64(state[_COLUMN])
-                from_ = at + f * lasers_n * unit
-                for i in range(lasers_n):
-                    # Unsigned, as the sign of other indices is looked at each time.
-                    slot = np.uint64(from_ + packet_table[echoes - 1, 2 + i])
-                    found = 0
-                    for _ in range(echoes):
-                        count = np.int64(data[slot]) | np.int64(data[slot + np.uint64(1)]) << 8
-                        value = data[slot + np.uint64(2)]
-                        slot += np.uint64(block_bytes)
-                        if count == 0:
-                            continue
-                        k = found  # by distance; of equal ones the last
-                        while k > 0 and counts[k - 1] > count:
-                            counts[k] = counts[k - 1]
-                            bright[k] = bright[k - 1]
-                            k -= 1
-                        if k > 0 and counts[k - 1] == count:
-                            bright[k - 1] = value
-                            continue
-                        counts[k] = count
-                        bright[k] = value
-                        found += 1
-                    if found == 0:
-                        continue
-                    ux = cos_a * cos_ahead[i] - sin_a * sin_ahead[i]
-                    uy = -(sin_a * cos_ahead[i] + cos_a * sin_ahead[i])
-                    for k in range(found):
-                        m = np.uint64(n)
-                        range_m = counts[k] * resolution_m
-                        t_out[m] = fired_s + lasers[i, 0]
-                        xyz[m, 0] = range_m * ux
-                        xyz[m, 1] = range_m * uy
-                        xyz[m, 2] = range_m * lasers[i, 3] + lasers[i, 4]
-                        intensity[m] = bright[k]
-                        laser[m] = order[i]
-                        column[m] = min(col + shift[i], 65_535)
-                        return_number[m] = k + 1
-                        returns[m] = found
-                        n += 1
-    return n, cuts
+                cut, by_wrap = _next_column(azimuth, fired_s, turn_s, state)
+                if cut:
+                    cuts.at[ends] = n
+                    cuts.by_wrap[ends] = by_wrap
+                    ends += 1
+                from_ = at + f * len(model.order) * model.unit
+                n = _fire(data, from_, echoes, azimuth, fired_s, np.int64(state[_COLUMN]), model, scratch, out, n)
+    return n, ends
+
+
+# Inlined by numba: to pass tables and arrays to each would take longer than some of them take.
+@kernel_part(inline="always")
+def _azimuth(data, at):  # type: ignore[no-untyped-def]
+    return (np.int64(data[at]) | np.int64(data[at + 1]) << 8) % 36_000
+
+
+@kernel_part(inline="always")
+def _turn(data, at, blocks, stride, start_s, model, state):  # type: ignore[no-untyped-def]
+    """Set the turning rate to that of a packet with azimuths from `at` on; the number of steps that show it."""
+    group_s = model.firings_per_block * model.cycle_s
+    max_step = np.ceil(_FASTEST * group_s)
+    turned = np.int64(0)
+    steps = 0
+    before = _azimuth(data, at)
+    if blocks == 1 and state[_STARTED] == 1.0 and 0.5 < (start_s - state[_TIME]) / group_s < 1.5:
+        step = (before - np.int64(state[_AZIMUTH]) + 18_000) % 36_000 - 18_000
+        if 0 <= step <= max_step:
+            turned += step
+            steps += 1
+    for b in range(1, blocks):
+        block = _azimuth(data, at + b * stride)
+        step = (block - before + 18_000) % 36_000 - 18_000
+        if abs(step) <= max_step:
+            turned += step
+            steps += 1
+        before = block
+    if steps:
+        state[_RATE] = max(0.0, turned / (steps * group_s))
+    state[TURNED] += turned
+    state[TURNING] += steps * group_s
+    return steps
+
+
+@kernel_part(inline="always")
+def _aim(rate, model, scratch):  # type: ignore[no-untyped-def]
+    """Set where lasers look against the azimuth of their firing, at a turning rate."""
+    to_rad = np.pi / 18_000.0
+    lasers = model.lasers
+    least = lasers[0, 1]
+    for i in range(len(lasers)):
+        least = min(least, lasers[i, 1])
+    for i in range(len(lasers)):
+        ahead = lasers[i, 1] + rate * lasers[i, 0] * to_rad
+        scratch.cos_ahead[i] = np.cos(ahead) * lasers[i, 2]
+        scratch.sin_ahead[i] = np.sin(ahead) * lasers[i, 2]
+        # of steps of 0.01 degrees at least
+        columns = (lasers[i, 1] - least) / (max(rate * model.cycle_s, 1.0) * to_rad)
+        scratch.columns_ahead[i] = np.int64(np.rint(columns))
+
+
+@kernel_part(inline="always")
+def _next_column(azimuth, fired_s, turn_s, state):  # type: ignore[no-untyped-def]
+    """Number the column of a firing; whether a scan ends before it, and that because azimuth passed 0."""
+    gap_s = fired_s - state[_TIME]
+    fallen = state[_AZIMUTH] - azimuth
+    pause = gap_s >= turn_s or gap_s < -turn_s
+    wrap = fallen > (18_000.0 if gap_s < 0.25 * turn_s else 50.0)
+    begun = state[_STARTED] == 1.0
+    cut = begun and (pause or wrap or state[_COLUMN] >= 65_535.0)
+    state[_COLUMN] = state[_COLUMN] + 1.0 if begun and not cut else 0.0
+    state[_STARTED] = 1.0
+    state[_AZIMUTH] = azimuth
+    state[_TIME] = fired_s
+    return cut, wrap and not pause
+
+
+@kernel_part(inline="always")
+def _fire(data, at, echoes, azimuth, fired_s, column, model, scratch, out, n):  # type: ignore[no-untyped-def]
+    """Add the returns of a firing, whose lasers are from `at` on, to the `n` before; how many there are then."""
+    azimuth_rad = azimuth * (np.pi / 18_000.0)
+    cos_a = np.cos(azimuth_rad)
+    sin_a = np.sin(azimuth_rad)
+    for i in range(len(model.order)):
+        # Unsigned, as the sign of other indices is looked at each time.
+        found = _echoes(data, np.uint64(at + model.first_return[echoes - 1, i]), echoes, model.block, scratch)
+        if found == 0:
+            continue
+        ux = cos_a * scratch.cos_ahead[i] - sin_a * scratch.sin_ahead[i]
+        uy = -(sin_a * scratch.cos_ahead[i] + cos_a * scratch.sin_ahead[i])
+        for k in range(found):
+            m = np.uint64(n)
+            range_m = scratch.ranges[k] * model.resolution_m
+            out.t_s[m] = fired_s + model.lasers[i, 0]
+            out.xyz_m[m, 0] = range_m * ux
+            out.xyz_m[m, 1] = range_m * uy
+            out.xyz_m[m, 2] = range_m * model.lasers[i, 3] + model.lasers[i, 4]
+            out.intensity[m] = scratch.intensity[k]
+            out.laser[m] = model.order[i]
+            out.column[m] = min(column + scratch.columns_ahead[i], 65_535)
+            out.return_number[m] = k + 1
+            out.returns[m] = found
+            n += 1
+    return n
+
+
+@kernel_part(inline="always")
+def _echoes(data, slot, echoes, block, scratch):  # type: ignore[no-untyped-def]
+    """Set the returns of a laser from `slot` on by distance, of equal ones the last; how many there are."""
+    found = 0
+    for _ in range(echoes):
+        count = np.int64(data[slot]) | np.int64(data[slot + np.uint64(1)]) << 8
+        value = data[slot + np.uint64(2)]
+        slot += np.uint64(block)
+        if count == 0:
+            continue
+        k = found
+        while k > 0 and scratch.ranges[k - 1] > count:
+            scratch.ranges[k] = scratch.ranges[k - 1]
+            scratch.intensity[k] = scratch.intensity[k - 1]
+            k -= 1
+        if k > 0 and scratch.ranges[k - 1] == count:
+            scratch.intensity[k - 1] = value
+            continue
+        scratch.ranges[k] = count
+        scratch.intensity[k] = value
+        found += 1
+    return found
 
 
 @dataclass
@@ -480,7 +536,7 @@ class PacketDecoder:
         self.counts.modes.update(sorted(data[offset + layout.mode].tolist()))
         assert self._clock is not None
         t_s = self._clock.utc_s(device_us, host_s)
-        returns, cut_at, cut_by_wrap = decode_returns(
+        returns, cuts = decode_returns(
             data, offset, t_s, self._maker.returns(data, offset, self._model), self._model, self._carried
         )
         self.counts.revolutions = float(self._carried[TURNED]) / 36_000
@@ -491,7 +547,7 @@ class PacketDecoder:
         self.counts.jumps = self._clock.jumps
         scans = []
         start = 0
-        for stop, by_wrap in zip(cut_at.tolist(), cut_by_wrap.tolist(), strict=True):
+        for stop, by_wrap in zip(cuts.at.tolist(), cuts.by_wrap.tolist(), strict=True):
             self._open.append(returns[start:stop])
             scans += self._close(by_wrap=by_wrap)
             self._open_by_wrap = by_wrap

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,6 +148,35 @@ class PacketLayout:
         return past_hour_us
 
 
+class ModelTables(NamedTuple):
+    """A model as the kernel takes it that decodes packets: numbers of its layout and of its own, and tables.
+
+    Attributes:
+        azimuths: (3,) number of azimuths in a packet, if firings have one, two and three returns.
+        stride: (3,) bytes from one to the next.
+        first_return: (3, n) where the first return of each laser is, from the start of the block.
+        first_firing_s: (3,) start of the first firing sequence relative to the stamp.
+        lasers: (n, 5) firing time, azimuth (rad), cosine and sine of the elevation, and height of each laser.
+        order: (n,) rank of each laser by elevation.
+    """
+
+    header: int
+    azimuth: int
+    block: int
+    unit: int
+    blocks: int
+    marked: bool
+    firings_per_block: int
+    cycle_s: float
+    resolution_m: float
+    azimuths: IntArray
+    stride: IntArray
+    first_return: IntArray
+    first_firing_s: FloatArray
+    lasers: FloatArray
+    order: ByteArray
+
+
 @dataclass(frozen=True)
 class Model:
     """A sensor's geometry and timing.
@@ -209,14 +238,6 @@ class Model:
         return replace(self, cycle_s=cycle_s, laser_s=self.laser_s * (cycle_s / self.cycle_s))
 
     @cached_property
-    def laser_table(self) -> FloatArray:
-        """(n, 5) firing time, azimuth (rad), cosine and sine of the elevation, and height of each laser."""
-        elevation = np.radians(self.elevation_deg)
-        azimuth = np.radians(self.azimuth_deg)
-        columns = [self.laser_s, azimuth, np.cos(elevation), np.sin(elevation), self.height_m]
-        return np.ascontiguousarray(np.stack(columns, axis=1))
-
-    @cached_property
     def laser_order(self) -> ByteArray:
         """(n,) rank of each laser by elevation."""
         order = np.empty(self.lasers, np.uint8)
@@ -224,27 +245,26 @@ class Model:
         return order
 
     @cached_property
-    def packet_table(self) -> IntArray:
-        """(3, 2 + n) for firings with one, two and three returns.
-
-        Number of azimuths in a packet, bytes from one to the next, and where the first return of each laser is, from
-        the start of the block.
-        """
+    def tables(self) -> ModelTables:
+        """What the decoder's kernel takes."""
         layout = self.layout
-        lasers = np.arange(self.lasers)
-        rows = []
-        for returns in range(1, MAX_RETURNS + 1):
-            at = lasers // layout.units * layout.block * returns + lasers % layout.units * layout.unit
-            stride = layout.block * self.blocks_per_firing * returns
-            rows.append(np.concatenate([(self.groups(returns), stride), layout.azimuth + 2 + at]))
-        return np.stack(rows).astype(np.int64)
-
-    @cached_property
-    def first_firing_s(self) -> FloatArray:
-        """(3,) start of the first firing sequence relative to the stamp, with one, two and three returns."""
+        laser = np.arange(self.lasers, dtype=np.int64)
         returns = range(1, MAX_RETURNS + 1)
-        before = [self.packet_s(r) - self.cycle_s if self.stamp_at_last else 0.0 for r in returns]
-        return self.start_s - np.array(before)
+        at = [laser // layout.units * layout.block * r + laser % layout.units * layout.unit for r in returns]
+        before_s = [self.packet_s(r) - self.cycle_s if self.stamp_at_last else 0.0 for r in returns]
+        elevation = np.radians(self.elevation_deg)
+        azimuth = np.radians(self.azimuth_deg)
+        columns = [self.laser_s, azimuth, np.cos(elevation), np.sin(elevation), self.height_m]
+        return ModelTables(
+            *(layout.header, layout.azimuth, layout.block, layout.unit, layout.blocks, layout.marked),
+            *(self.firings_per_block, self.cycle_s, self.resolution_m),
+            azimuths=np.array([self.groups(r) for r in returns], np.int64),
+            stride=np.array([layout.block * self.blocks_per_firing * r for r in returns], np.int64),
+            first_return=layout.azimuth + 2 + np.stack(at),
+            first_firing_s=self.start_s - np.array(before_s),
+            lasers=np.ascontiguousarray(np.stack(columns, axis=1)),
+            order=self.laser_order,
+        )
 
 
 @dataclass(frozen=True)
