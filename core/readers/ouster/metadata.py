@@ -57,6 +57,27 @@ PROFILES: Final = {
     "RNG15_RFL8_NIR8_ZONE16": PixelProfile(8, 15, 8, 2, 0), "RNG15_RFL8_NIR8_DUAL": _RNG15_DUAL,
     "FUSA_RNG15_RFL8_NIR8_DUAL": _RNG15_DUAL,
 }  # fmt: skip
+
+
+class ColumnLayout(NamedTuple):
+    """Where a data packet has its columns, in bytes.
+
+    Attributes:
+        columns: in a packet.
+        begin: of the first column.
+        size: of a column.
+        head: bytes of a column before its pixels.
+        status_at: where a column states whether it is valid.
+    """
+
+    columns: int
+    begin: int
+    size: int
+    head: int
+    status_at: int
+    pixel: PixelProfile
+
+
 STAMP: Final = (1 << 62) - 1
 """Bits of a stamp that are used: those of the years to 2116."""
 _HEADER_BYTES: Final = 32
@@ -156,14 +177,14 @@ class Metadata:
         return (last - first) % -(-self.columns // self.packet_columns) + 1
 
     @cached_property
-    def layout(self) -> NDArray[np.int64]:
-        """(9,) begin and length of columns, begin of pixels, pixel, bits, step, reflectivity, second, status."""
-        p = PROFILES[self.profile]
-        legacy = self.profile == LEGACY
-        head = _LEGACY_COLUMN if legacy else _MODERN_COLUMN
-        size = head + len(self.elevation_deg) * p.pixel_bytes + (_LEGACY_STATUS if legacy else 0)
-        status_at = size - _LEGACY_STATUS if legacy else 10
-        return np.array([0 if legacy else _HEADER_BYTES, size, head, *p, status_at], np.int64)
+    def layout(self) -> ColumnLayout:
+        """Of its packets."""
+        pixel = PROFILES[self.profile]
+        pixels = len(self.elevation_deg) * pixel.pixel_bytes
+        if self.profile == LEGACY:
+            size = _LEGACY_COLUMN + pixels + _LEGACY_STATUS
+            return ColumnLayout(self.packet_columns, 0, size, _LEGACY_COLUMN, size - _LEGACY_STATUS, pixel)
+        return ColumnLayout(self.packet_columns, _HEADER_BYTES, _MODERN_COLUMN + pixels, _MODERN_COLUMN, 10, pixel)
 
     @cached_property
     def beams(self) -> FloatArray:

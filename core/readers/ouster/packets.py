@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.ouster.metadata import STAMP, Heads, Metadata, SensorTime, settle
 from furrowmap.core.readers.packet_counts import ScannerCounts
+from furrowmap.core.readers.return_columns import ReturnColumns
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel_part
 from furrowmap.core.values.scan import Clock, Scan
 
 ByteArray = NDArray[np.uint8]
@@ -183,23 +184,14 @@ class OusterDecoder:
     def _decode(self, data: ByteArray, offset: IntArray, shift_ns: IntArray) -> tuple[Scan, IntArray]:
         """All returns of packets (m,) as one scan, and the number of them (m,) up to the end of each packet."""
         m = self.metadata
-        slots = len(offset) * m.packet_columns * len(m.beams) * (2 if m.layout[7] else 1)
-        t_s = np.empty(slots)
-        xyz = np.empty((slots, 3), np.float32)
-        column = np.empty(slots, np.uint16)
-        intensity, laser, number, returns = np.empty((4, slots), np.uint8)
+        room = len(offset) * m.packet_columns * len(m.beams) * (2 if m.layout.pixel.second_at else 1)
+        out = ReturnColumns.empty(room)
         ends = np.empty(len(offset), np.int64)
-        bad = _decode(
-            np.require(data, requirements=["C", "W"]), np.ascontiguousarray(offset), shift_ns, m.packet_columns,
-            m.layout, m.beams, m.turned, float(np.hypot(*m.beam_m)),
-            t_s, xyz, intensity, laser, column, number, returns, ends,
-        )  # fmt: skip
-        self._bad_columns += bad
-        n = int(ends[-1])
-        scan = Scan(
-            0, t_s[:n], xyz[:n], intensity[:n], laser[:n], column[:n], number[:n], returns[:n], lasers=len(m.beams)
-        )
-        return scan, ends
+        data = np.require(data, requirements=["C", "W"])
+        offset = np.ascontiguousarray(offset)
+        origin_m = float(np.hypot(*m.beam_m))
+        self._bad_columns += _decode(data, offset, shift_ns, m.layout, m.beams, m.turned, origin_m, out, ends)
+        return out.scan(int(ends[-1]), len(m.beams)), ends
 
     def _close(self, *, cut: bool = False) -> list[Scan]:
         """The scan of the turn that ends, which the start or the end of the recording may have `cut`."""
@@ -239,7 +231,7 @@ class OusterDecoder:
         return notices + self.counts.clock_notices()
 
 
-@kernel()
+@kernel_part()
 def _number(data, at, size):  # type: ignore[no-untyped-def]
     value = np.int64(0)
     for k in range(size):
@@ -247,25 +239,22 @@ def _number(data, at, size):  # type: ignore[no-untyped-def]
     return value
 
 
-@kernel()
-def _decode(  # type: ignore[no-untyped-def]
-    data, offset, shift_ns, columns, layout, beams, turned, origin_m,
-    t_out, xyz, intensity, laser, column, return_number, returns, ends,
-):  # fmt: skip
+@kernel_part()
+def _decode(data, offset, shift_ns, layout, beams, turned, origin_m, out, ends):  # type: ignore[no-untyped-def]
     """Returns of all packets in their order; the number of columns that are damaged.
 
     A range is measured from the lidar frame's axis along the beam, whose origin lies `origin_m` from it.
     """
-    begin, size, head, pixel, bits, step, bright_at, second_at, status_at = layout
-    mask = (1 << bits) - 1
-    wide = 2 if bits < 16 else 4
+    pixel = layout.pixel
+    mask = (1 << pixel.range_bits) - 1
+    wide = 2 if pixel.range_bits < 16 else 4
     turns = len(turned)
     n = bad = 0
     for p in range(len(offset)):
-        packet_ns = _number(data, offset[p] + begin, np.int64(8)) & STAMP
-        for c in range(columns):
-            at = offset[p] + begin + c * size
-            if data[at + status_at] & 1 == 0:
+        packet_ns = _number(data, offset[p] + layout.begin, np.int64(8)) & STAMP
+        for c in range(layout.columns):
+            at = offset[p] + layout.begin + c * layout.size
+            if data[at + layout.status_at] & 1 == 0:
                 continue
             stamp_ns = _number(data, at, np.int64(8)) & STAMP
             number = _number(data, at + 8, np.int64(2))
@@ -277,15 +266,14 @@ def _decode(  # type: ignore[no-untyped-def]
             t = second + (since_ns - second * 1_000_000_000) * 1e-9
             turn = turned[number]
             for k in range(len(beams)):
-                slot = at + head + k * pixel
-                first = (_number(data, slot, wide) & mask) * step
-                near = first
-                bright = data[slot + bright_at]
+                slot = at + layout.head + k * pixel.pixel_bytes
+                near = (_number(data, slot, wide) & mask) * pixel.range_step_mm
+                bright = data[slot + pixel.reflectivity_at]
                 far = np.int64(0)
                 bright_far = np.uint8(0)
-                if second_at:
-                    far = (_number(data, slot + second_at, wide) & mask) * step
-                    bright_far = data[slot + second_at + bright_at]
+                if pixel.second_at:
+                    far = (_number(data, slot + pixel.second_at, wide) & mask) * pixel.range_step_mm
+                    bright_far = data[slot + pixel.second_at + pixel.reflectivity_at]
                     if far != 0 and (near == 0 or far < near):
                         near, far = far, near
                         bright, bright_far = bright_far, bright
@@ -300,15 +288,15 @@ def _decode(  # type: ignore[no-untyped-def]
                 there = 2 if far else 1
                 for which in range(there):
                     range_m = 0.001 * (far if which else near) - origin_m
-                    t_out[n] = t
-                    xyz[n, 0] = turn[0, 3] + range_m * ux
-                    xyz[n, 1] = turn[1, 3] + range_m * uy
-                    xyz[n, 2] = turn[2, 3] + range_m * uz
-                    intensity[n] = bright_far if which else bright
-                    laser[n] = np.uint8(beam[4])
-                    column[n] = np.uint16((number + np.int64(beam[3])) % turns)
-                    return_number[n] = which + 1
-                    returns[n] = there
+                    out.t_s[n] = t
+                    out.xyz_m[n, 0] = turn[0, 3] + range_m * ux
+                    out.xyz_m[n, 1] = turn[1, 3] + range_m * uy
+                    out.xyz_m[n, 2] = turn[2, 3] + range_m * uz
+                    out.intensity[n] = bright_far if which else bright
+                    out.laser[n] = np.uint8(beam[4])
+                    out.column[n] = np.uint16((number + np.int64(beam[3])) % turns)
+                    out.return_number[n] = which + 1
+                    out.returns[n] = there
                     n += 1
         ends[p] = n
     return bad
