@@ -2,7 +2,7 @@
 
 from array import array
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from furrowmap.core.implement.views import (
     TOP_M,
 )
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel_part
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 
@@ -33,6 +33,18 @@ _SOIL_BIN_M: Final = 0.01
 _MIN_SOIL_POINTS: Final = 20
 _EIGHTHS: Final = (0, 1, 3, 2, 7, 6, 4, 5)
 """Eighths of a turn of columns, by whether y > 0 (4), x < 0 (2) and abs(y) > abs(x) (1): told before an arc tangent."""
+
+
+class TurnSums(NamedTuple):
+    """What is seen in the current revolution (0) and the next (1).
+
+    `views` (2, columns, rows) are points of the side view, `soil` (2, bins) heights beside the tool, `times` (2, 2, 2)
+    number and sum of the times of all points (0) and of those of the side view (1).
+    """
+
+    views: NDArray[np.float32]
+    soil: NDArray[np.int64]
+    times: FloatArray
 
 
 @dataclass(frozen=True)
@@ -76,12 +88,9 @@ class ToolHeightTracker:
         self._lever_m = np.asarray(mounting.xyz_m, np.float64)
         columns = region.columns | np.roll(region.columns, 1) | np.roll(region.columns, -1)
         self._eighths = np.any(columns.reshape(8, -1), axis=1)[list(_EIGHTHS)]
-        self._ground = np.array(region.ground)
-        self._box = np.array(region.box_m)
-        self._grid = np.array([grid.x_m, grid.z_m])
-        self._views = np.zeros((2, grid.columns, grid.rows), np.float32)
-        self._soil = np.zeros((2, round(2.0 * _SOIL_M / _SOIL_BIN_M)), np.int64)
-        self._times = np.zeros((2, 2, 2))
+        views = np.zeros((2, grid.columns, grid.rows), np.float32)
+        soil = np.zeros((2, round(2.0 * _SOIL_M / _SOIL_BIN_M)), np.int64)
+        self._sums = TurnSums(views, soil, np.zeros((2, 2, 2)))
         self._last_s = float("nan")
         self._turns = array("d")
         self._scans = array("d")
@@ -98,12 +107,10 @@ class ToolHeightTracker:
             self._end_turn(whole=False)
         self._last_s = end_s
         self._scans.extend((begin_s, end_s))
-        region = self._implement.region
         _gather(
             np.ascontiguousarray(scan.xyz_m, np.float32), np.ascontiguousarray(scan.laser, np.uint8),
-            np.ascontiguousarray(scan.t_s, np.float64), self._rotation, self._lever_m, self._eighths, region.columns,
-            region.still_m, region.begin, region.split, region.clockwise, self._ground, self._box, self._grid,
-            self._views, self._soil, self._times,
+            np.ascontiguousarray(scan.t_s, np.float64), self._rotation, self._lever_m, self._implement.region,
+            self._eighths, self._implement.template.grid, self._sums,
         )  # fmt: skip
         self._end_turn(whole=goes_on)
 
@@ -124,11 +131,12 @@ class ToolHeightTracker:
 
     def _end_turn(self, *, whole: bool) -> None:
         """Finish the current revolution; points beyond the split belong to the next one."""
-        looked, seen = self._times[0]
+        sums = self._sums
+        looked, seen = sums.times[0]
         if looked[0]:
             points, total_s = seen if seen[0] >= FEWEST_POINTS else looked
-            self._turns.extend((total_s / points, *self._measure(self._views[0]), whole, _median(self._soil[0])))
-        for parts in (self._views, self._soil, self._times):
+            self._turns.extend((total_s / points, *self._measure(sums.views[0]), whole, _median(sums.soil[0])))
+        for parts in sums:
             parts[0] = parts[1]
             parts[1] = 0
 
@@ -162,19 +170,14 @@ def _median(counts: NDArray[np.int64]) -> float:
     return float((k + within) * _SOIL_BIN_M - _SOIL_M)
 
 
-@kernel()
-def _gather(  # type: ignore[no-untyped-def]
-    xyz_m, laser, t_s, rotation, lever_m, eighths, columns, still_m, begin, split, clockwise, ground, box, grid, views,
-    soil, times,
-):  # fmt: skip
-    """Add the points of a scan to side view and soil of the current revolution (0) and the next (1).
-
-    `times` has number and sum of the times of all points (0) and of those of the side view (1).
-    """
-    lasers, width = still_m.shape
-    _, view_columns, view_rows = views.shape
-    bins = soil.shape[1]
-    turned = (split - begin) % width
+@kernel_part()
+def _gather(xyz_m, laser, t_s, rotation, lever_m, region, eighths, grid, sums):  # type: ignore[no-untyped-def]
+    """Add the points of a scan to the sums of the revolutions."""
+    box = region.box_m
+    ground = region.ground
+    lasers, width = region.still_m.shape
+    bins = sums.soil.shape[1]
+    turned = (region.split - region.begin) % width
     for i in range(len(xyz_m)):
         px = xyz_m[i, 0]
         py = xyz_m[i, 1]
@@ -182,12 +185,12 @@ def _gather(  # type: ignore[no-untyped-def]
         if not eighths[4 * (py > 0.0) + 2 * (px < 0.0) + (abs(py) > abs(px))]:
             continue
         column = column_of(px, py)
-        if not columns[column]:
+        if not region.columns[column]:
             continue
-        since = column - begin if column >= begin else column - begin + width  # a division takes long
-        part = 0 if (since < turned) == clockwise else 1
-        times[part, 0, 0] += 1.0
-        times[part, 0, 1] += t_s[i]
+        since = column - region.begin if column >= region.begin else column - region.begin + width  # no slow division
+        part = 0 if (since < turned) == region.clockwise else 1
+        sums.times[part, 0, 0] += 1.0
+        sums.times[part, 0, 1] += t_s[i]
         x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + lever_m[0]
         if not box[0] < x < box[1]:
             continue
@@ -196,7 +199,7 @@ def _gather(  # type: ignore[no-untyped-def]
         above = z - ground[0] - ground[1] * x - ground[2] * y
         if not box[2] < y < box[3]:
             if abs(above) < _SOIL_M and box[2] - _BESIDE_M < y < box[3] + _BESIDE_M:
-                soil[part, min(int((above + _SOIL_M) / _SOIL_BIN_M), bins - 1)] += 1
+                sums.soil[part, min(int((above + _SOIL_M) / _SOIL_BIN_M), bins - 1)] += 1
             continue
         if not CUT_M + CUT_PER_M * np.sqrt(x * x + y * y) < above < TOP_M:
             continue
@@ -204,18 +207,18 @@ def _gather(  # type: ignore[no-untyped-def]
             distance = np.sqrt(px * px + py * py + pz * pz)
             still = False
             for beside in (column - 1, column, column + 1 if column + 1 < width else 0):  # -1 is the last one
-                still |= abs(still_m[laser[i], beside] - distance) < AGREE_M
+                still |= abs(region.still_m[laser[i], beside] - distance) < AGREE_M
             if still:
                 continue
-        u = (x - grid[0]) / CELL_X_M
-        v = (above - grid[1]) / CELL_Z_M - 0.5
+        u = (x - grid.x_m) / CELL_X_M
+        v = (above - grid.z_m) / CELL_Z_M - 0.5
         if u < 0.0 or v < 0.0:
             continue
         view_column = int(u)
         row = int(v)
-        if view_column < view_columns and row < view_rows - 1:
-            times[part, 1, 0] += 1.0
-            times[part, 1, 1] += t_s[i]
+        if view_column < grid.columns and row < grid.rows - 1:
+            sums.times[part, 1, 0] += 1.0
+            sums.times[part, 1, 1] += t_s[i]
             share = v - row
-            views[part, view_column, row] += 1.0 - share
-            views[part, view_column, row + 1] += share
+            sums.views[part, view_column, row] += 1.0 - share
+            sums.views[part, view_column, row + 1] += share

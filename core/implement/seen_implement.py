@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,7 @@ _UNIFORM_SHARE: Final = 0.3
 _SMOOTH: Final = np.array([0.25, 0.5, 0.25])
 
 
-@dataclass(frozen=True)
-class SideViewGrid:
+class SideViewGrid(NamedTuple):
     """Cells of the side view: start of the first column and of the lowest row above the ground, their numbers."""
 
     x_m: float
@@ -155,8 +154,7 @@ class Hint:
         return (x - 2.0, x + 1.2, y - half, y + half)
 
 
-@dataclass(frozen=True)
-class Region:
+class Region(NamedTuple):
     """Where the implement is seen.
 
     Attributes:
