@@ -147,13 +147,10 @@ def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: fl
         rows = arrays.concatenated([getattr(p, name) for p in patches])
         return arrays.in_parts(lambda part: [rows[order[part]]], len(order))[0]
 
-    early, late, right = map(ordered, ("early", "late", "right"))
+    every = Patches(place, interval[order], *map(ordered, ("early", "late", "right")))
 
     def reduce(first: int, last: int) -> None:
-        _reduce(
-            size, starts, place, interval[order], early, late, right, patch_m, centre_m, first, last, equations.band,
-            equations.right,
-        )  # fmt: skip
+        _reduce(size, starts, every, patch_m, centre_m, first, last, equations.band, equations.right)
 
     if len(order) < MIN_THREADED_PATCHES:
         reduce(0, len(centre_m))
@@ -177,10 +174,13 @@ def _square(upper):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _reduce(  # type: ignore[no-untyped-def]
-    size, starts, place, interval, early, late, right, patch_m, centre_m, first, last, band, coarse_right
-):
+def _reduce(size, starts, patches, patch_m, centre_m, first, last, band, coarse_right):  # type: ignore[no-untyped-def]
     """Take each patch out of the columns of the coarse knots from `first` to before `last`."""
+    place = patches.place
+    interval = patches.interval
+    early = patches.early
+    late = patches.late
+    right = patches.right
     for group in range(len(starts)):
         begin = starts[group]
         end = starts[group + 1] if group + 1 < len(starts) else len(place)

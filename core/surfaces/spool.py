@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel, kernel_part
 from furrowmap.core.runtime.record_spool import RecordSpool, Square, square_keys, square_of
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.statistic import Statistic, cell_surface
@@ -52,12 +52,17 @@ class TilePoints:
         return cell_surface(self.grid, self.cell, self.height_m, self.base_m, statistic, kept)
 
 
-_Buffers = tuple[NDArray[np.int32], NDArray[np.uint16], NDArray[np.float32], NDArray[np.float32]]
+class TileBuffers(NamedTuple):
+    """Points to be written: column and row of their tiles (HELD, 2), and what :class:`TilePoints` has of them."""
+
+    tile: NDArray[np.int32]
+    cell: NDArray[np.uint16]
+    height_m: NDArray[np.float32]
+    t_s: NDArray[np.float32]
 
 
-def _buffers() -> _Buffers:
-    """Buffers of points to be written: tiles (HELD, 2), cells, heights and times (HELD,)."""
-    return np.empty((HELD, 2), np.int32), np.empty(HELD, np.uint16), *np.empty((2, HELD), np.float32)
+def _buffers() -> TileBuffers:
+    return TileBuffers(np.empty((HELD, 2), np.int32), np.empty(HELD, np.uint16), *np.empty((2, HELD), np.float32))
 
 
 class PointSpool:
@@ -78,7 +83,7 @@ class PointSpool:
         self._written: Future[None] | None = None
         self._held = 0
         self._begin_s: float | None = None
-        self._ends = np.array([2**62, 2**62, -(2**62), -(2**62)])
+        self._ends = (2**62, 2**62, -(2**62), -(2**62))
 
     def __enter__(self) -> Self:
         return self
@@ -101,13 +106,12 @@ class PointSpool:
             self._begin_s = float(times[0])
         mask = np.ones(n, bool) if kept is None else np.ascontiguousarray(kept)
         points = np.ascontiguousarray(xyz_m, np.float64)
-        shift = np.array([*origin_m[:2], origin_m[2] - self.base_m])
+        shift = np.array([*origin_m[:2], origin_m[2] - self.base_m, -(self._begin_s or 0.0)])
         done = 0
         while done < n:
-            done, self._held = collect(
-                points, times, mask, done, shift, self.cell_m, self._begin_s or 0.0,
-                *self._points, self._ends, self._held,
-            )  # fmt: skip
+            done, self._held, self._ends = collect(
+                points, times, mask, done, shift, self.cell_m, self._points, self._ends, self._held
+            )
             if self._held == HELD:
                 self._hand_over()
 
@@ -134,7 +138,7 @@ class PointSpool:
         return (self.tile(key) for key in self.tiles)
 
     def _covering(self) -> Grid:
-        west, south, east, north = self._ends.tolist()
+        west, south, east, north = self._ends
         return Grid(self.cell_m, west, north + 1, (north + 1 - south, east + 1 - west))
 
     def _hand_over(self) -> None:
@@ -152,9 +156,9 @@ class PointSpool:
         if written is not None:
             written.result()
 
-    def _write(self, points: _Buffers, held: int) -> None:
+    def _write(self, points: TileBuffers, held: int) -> None:
         """Sort points by tile and append them to the file."""
-        low, high = bounds(points[0][:held])
+        low, high = bounds(points.tile[:held])
         columns, rows = (high - low + 1).tolist()
         records, starts = sort_by_tile(*(array[:held] for array in points), low, columns, rows)
         there = np.flatnonzero(np.diff(starts))
@@ -162,24 +166,21 @@ class PointSpool:
         self._records.append([records], square_keys(column + low[0], row + low[1]), np.append(starts[there], held))
 
 
-@kernel()
-def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, heights, times, ends, held):  # type: ignore[no-untyped-def]
-    """Add points from index `first` on until the buffers are full: where it stopped, and how many are held.
+@kernel_part()
+def collect(xyz_m, t_s, kept, first, shift, cell_m, buffers, ends, held):  # type: ignore[no-untyped-def]
+    """Add points from index `first` on until the buffers are full: where it stopped, how many are held, and `ends`.
 
-    `ends` are the least and greatest column and row of all cells.
+    Coordinates and times are stored with a `shift`; `ends` are the least and greatest column and row of all cells.
     """
-    west = ends[0]
-    south = ends[1]
-    east = ends[2]
-    north = ends[3]
+    west, south, east, north = ends
     stopped = len(xyz_m)
     for i in range(first, len(xyz_m)):
-        if held == len(heights):
+        if held == len(buffers.cell):
             stopped = i
             break
-        x = xyz_m[i, 0] + shift_m[0]
-        y = xyz_m[i, 1] + shift_m[1]
-        z = xyz_m[i, 2] + shift_m[2]
+        x = xyz_m[i, 0] + shift[0]
+        y = xyz_m[i, 1] + shift[1]
+        z = xyz_m[i, 2] + shift[2]
         if not kept[i] or not np.isfinite(x + y + z + t_s[i]):
             continue
         column = int(np.floor(x / cell_m))
@@ -188,17 +189,13 @@ def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, hei
         east = max(east, column)
         south = min(south, row)
         north = max(north, row)
-        tiles[held, 0] = column >> 8
-        tiles[held, 1] = row >> 8
-        cells[held] = (255 - (row & 255)) * 256 + (column & 255)
-        heights[held] = z
-        times[held] = t_s[i] - begin_s
+        buffers.tile[held, 0] = column >> 8
+        buffers.tile[held, 1] = row >> 8
+        buffers.cell[held] = (255 - (row & 255)) * 256 + (column & 255)
+        buffers.height_m[held] = z
+        buffers.t_s[held] = t_s[i] + shift[3]
         held += 1
-    ends[0] = west
-    ends[1] = south
-    ends[2] = east
-    ends[3] = north
-    return stopped, held
+    return stopped, held, (west, south, east, north)
 
 
 @kernel()
