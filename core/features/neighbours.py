@@ -1,7 +1,6 @@
 """Points sorted into columns for searches within a radius."""
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -14,8 +13,7 @@ INSERTED: Final = 24
 """Points of a column up to which they are sorted by insertion."""
 
 
-@dataclass(frozen=True)
-class PointColumns:
+class PointColumns(NamedTuple):
     """Points sorted by square columns of the plane, and by height within each.
 
     A search within the side of a column looks at nine columns, in each by bisection of the heights.

@@ -7,9 +7,10 @@ ISPRS Archives XXXVI-5, 248-253, with the fit of the whole region as the second 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, eigen
 from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
@@ -93,10 +94,7 @@ def find_planes(
     flat = (shape.planarity > 0.3) & (curvature < MAX_SEED_CURVATURE)
     seeds = np.argsort(np.where(flat, curvature, np.inf)[near.order], kind="stable")[: np.count_nonzero(flat)]
     region = _grow(
-        near.xyz_m,
-        near.starts,
-        near.side_m,
-        *near.across,
+        near,
         shape.normal.astype(np.float64)[near.order],
         seeds,
         tolerance_m,
@@ -106,6 +104,26 @@ def find_planes(
     fits = _fit_regions(near.xyz_m + near.corner_m, region)
     found = [_measure_plane(near, members, fit, (cell_m, tolerance_m), fill) for members, fit in fits]
     return sorted((plane for plane in found if plane is not None), key=lambda plane: -plane.area_m2)
+
+
+class PlaneCells(NamedTuple):
+    """The cells of a plane.
+
+    Attributes:
+        centre: (3,) of the plane.
+        axes: (3, 3) two in the plane and its normal.
+        corner: (2,) of the first cell, in the plane.
+        side: of the cells.
+        tolerance: distance within which points are on the plane.
+        filled: (columns, rows) which hold some, with :data:`RIM` cells around them.
+    """
+
+    centre: FloatArray
+    axes: FloatArray
+    corner: FloatArray
+    side: float
+    tolerance: float
+    filled: NDArray[np.bool_]
 
 
 _PlaneFit = tuple[FloatArray, FloatArray, float]
@@ -147,10 +165,8 @@ def _measure_plane(
     if area < MIN_PLANE_AREA_M2 or not fill[0] <= share < fill[1]:
         return None
     low, high = bounds(own)
-    around, number, on = _in_slab(
-        sorted_m.xyz_m, sorted_m.starts, sorted_m.side_m, *sorted_m.across,
-        low - SLAB_M, high + SLAB_M, centre, axes, (side, tolerance_m), corner, np.pad(filled, RIM),
-    )  # fmt: skip
+    cells = PlaneCells(centre, axes, corner, side, tolerance_m, np.pad(filled, RIM))
+    around, number, on = _in_slab(sorted_m, low - SLAB_M, high + SLAB_M, cells)
     members = np.sort(sorted_m.order[around])
     return Plane(members, centre + sorted_m.corner_m, normal, rms_m, on / max(number, 1), area)
 
@@ -220,14 +236,22 @@ def _raster(flat, corner, end, cell_m):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _in_slab(xyz, starts, reach, across, rows, low, high, centre, axes, scale, corner, filled):  # type: ignore[no-untyped-def]
+def _in_slab(points, low, high, cells):  # type: ignore[no-untyped-def]
     """The sorted points in a box that are on a plane, over its cells or their rim, and two numbers.
 
-    These are of the points over its cells within :data:`SLAB_M`, and of those among them that are on it. `axes` (3, 3)
-    are two in the plane and its normal; `scale` are the side of the cells, which are `filled`, with the rim around
-    them, and the distance within which points are on the plane.
+    These are of the points over its cells within :data:`SLAB_M`, and of those among them that are on it.
     """
-    side, tolerance = scale
+    # Arrays are taken out of the tuples before the loop: numba counts a reference each time that it takes one.
+    xyz = points.xyz_m
+    starts = points.starts
+    reach = points.side_m
+    across, rows = points.across
+    centre = cells.centre
+    axes = cells.axes
+    corner = cells.corner
+    side = cells.side
+    tolerance = cells.tolerance
+    filled = cells.filled
     near = np.zeros_like(filled)
     columns, lines = filled.shape
     for column in range(columns):
@@ -280,8 +304,12 @@ def _in_slab(xyz, starts, reach, across, rows, low, high, centre, axes, scale, c
 
 
 @kernel()
-def _grow(xyz, starts, reach, across, rows, normal, seeds, tolerance, least_cosine, fewest):  # type: ignore[no-untyped-def]
+def _grow(points, normal, seeds, tolerance, least_cosine, fewest):  # type: ignore[no-untyped-def]
     """Region of each sorted point, numbered from 0; -1 for none."""
+    xyz = points.xyz_m
+    starts = points.starts
+    reach = points.side_m
+    across, rows = points.across
     n = len(xyz)
     region = np.full(n, -1, np.int64)
     stack = np.empty(n, np.int64)
