@@ -117,7 +117,7 @@ class FolderFeed:
 
     Args:
         folder: the recording's.
-        recording: of its session; of several scanners the first is followed.
+        recording: of its session, with the scanner that is followed.
         scans: decodes its packets.
         stop: ends the feed.
 

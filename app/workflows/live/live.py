@@ -18,6 +18,7 @@ from furrowmap.core.coverage.field_left import FieldLeft
 from furrowmap.core.coverage.worked_cells import MISSED, NOT_SEEN, OVERLAP, WORKED, Tile
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.live.difference import LIVE_LOG, LOGGED
+from furrowmap.core.live.followed_scanner import with_followed_scanner
 from furrowmap.core.live.live_session import LiveScan, LiveSession, warm_up
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, UsageError
@@ -136,6 +137,7 @@ def live(
         opened = open_session(file) if play else _opened(file, outlets, stop)
         if opened is None:
             return LiveSummary()
+        opened = with_followed_scanner(opened)
         session = _session(opened)
         closing.callback(session.close)
         scanner = opened.session.lidar

@@ -12,6 +12,7 @@ import numpy as np
 
 from furrowmap.core.coverage.worked_cells import Swept, Tile
 from furrowmap.core.implement.seen_implement import SeenImplement
+from furrowmap.core.live.followed_scanner import with_followed_scanner
 from furrowmap.core.live.live_session import LINE_STEP_S, LiveSession, prepare_worker
 from furrowmap.core.live.poses import TRUE_LEVEL_SIGMA, LivePoses
 from furrowmap.core.readers.reader import GivesTrack
@@ -178,7 +179,7 @@ def work_again(
         utc_minus_host_s: of the clock of the computer that recorded.
     """
     try:
-        opened = open_session(file)
+        opened = with_followed_scanner(open_session(file))
         reader = opened.positions()
         assert isinstance(reader, GivesTrack)
         track = reader.track()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 from pathlib import Path
@@ -46,3 +47,31 @@ def test_live__needs_scans_and_positions(simulated: furrowmap.Simulated, tmp_pat
     shutil.copytree(simulated.folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("session.toml"))
     with pytest.raises(furrowmap.UsageError, match="no recording of a scanner"):
         furrowmap.live(session, play=math.inf, port=None, nmea_port=None)
+
+
+FRONT = """
+[second_lidar]
+xyz_m = [1.9, -0.05, 2.25]
+rpy_deg = [0.0, 35.0, 0.0]
+max_range_m = 12.0
+"""
+
+
+def test_live__of_two_scanners_follows_that_at_the_implement_whichever_is_first(tmp_path: Path) -> None:
+    (tmp_path / "scenario.toml").write_text(SCENARIO + FRONT)
+    simulated = furrowmap.simulate(tmp_path / "scenario.toml", tmp_path / "drive")
+    first = simulated.session.read_text()
+    head, rear, front = first.partition("[implement]")[0].split("[[lidar]]")
+    front_first = (
+        head.replace("recording.pcap", "second.pcap")
+        + "[[lidar]]"
+        + front.replace('files = ["second.pcap"]\n', "").replace("minus_gnss_s = 0.0\n", "")
+        + "[[lidar]]"
+        + rear.replace("\n", '\nfiles = ["recording.pcap"]\n', 1)
+        + "[implement]"
+        + first.partition("[implement]")[2]
+    )
+    (simulated.folder / "front_first.toml").write_text(front_first)
+    summary = furrowmap.live(simulated.folder / "front_first.toml", play=math.inf, port=None, nmea_port=None)
+    truth = json.loads((simulated.folder / "truth" / "figures.json").read_text())
+    assert summary.worked_m2 == pytest.approx(truth["worked_area_m2"], rel=0.1)  # cells of 0.1 m along 3 m
