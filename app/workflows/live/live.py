@@ -18,7 +18,6 @@ from furrowmap.core.coverage.field_left import FieldLeft
 from furrowmap.core.coverage.worked_cells import MISSED, NOT_SEEN, OVERLAP, WORKED, Tile
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.live.difference import LIVE_LOG, LOGGED
-from furrowmap.core.live.followed_scanner import with_followed_scanner
 from furrowmap.core.live.live_session import LiveScan, LiveSession, warm_up
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, UsageError
@@ -32,6 +31,7 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.plain_files import append_to
 from furrowmap.workflows.live.background_map import BackgroundMap, open_background
 from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed, first_packet_s, recorder_status
+from furrowmap.workflows.live.followed_scanner import with_followed_scanner
 from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.nmea import sentences
 from furrowmap.workflows.live.repairs import Repairs

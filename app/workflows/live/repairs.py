@@ -12,7 +12,6 @@ import numpy as np
 
 from furrowmap.core.coverage.worked_cells import Swept, Tile
 from furrowmap.core.implement.seen_implement import SeenImplement
-from furrowmap.core.live.followed_scanner import with_followed_scanner
 from furrowmap.core.live.live_session import LINE_STEP_S, LiveSession, prepare_worker
 from furrowmap.core.live.poses import TRUE_LEVEL_SIGMA, LivePoses
 from furrowmap.core.readers.reader import GivesTrack
@@ -21,6 +20,7 @@ from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Scan
 from furrowmap.workflows.live.feeds import GNSS_DELAY_S, recorded_scans
+from furrowmap.workflows.live.followed_scanner import with_followed_scanner
 
 PIECE_S: Final = 60.0
 """Worked out at a time: the newest is on the page first."""
