@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,23 @@ def no_fragments() -> Fragments:
         np.zeros(1 << 22, np.uint8),
         np.zeros(3, np.int64),
     )
+
+
+class Interfaces(NamedTuple):
+    """Link type, ticks a second and shift of the time (_MAX_INTERFACES,) of the interfaces of a pcapng file."""
+
+    link: NDArray[np.int64]
+    ticks: NDArray[np.int64]
+    shift_s: FloatArray
+
+
+class WalkedDatagrams(NamedTuple):
+    """Room for the datagrams of a walk (MAX_FRAMES,), as in :class:`Datagrams`."""
+
+    offset: IntArray
+    length: IntArray
+    time_s: FloatArray
+    sender: NDArray[np.uint64]
 
 
 MORE, DAMAGE, CONTROL, FULL = range(4)
@@ -221,18 +238,17 @@ def _datagram(data, start, stop, link, parts):  # type: ignore[no-untyped-def]
     return 0, at + 8, length, (address << np.uint64(16)) | port
 
 
-@kernel()
-def walk_pcap(data, pos, big, ticks, link, last_s, parts, offset, length, time_s, sender, counts):  # type: ignore[no-untyped-def]
+@kernel_part()
+def walk_pcap(data, pos, big, ticks, link, last_s, parts, found, counts):  # type: ignore[no-untyped-def]
     """Walk over frames from `pos`; number of datagrams, offset of the first frame not walked, and why it stopped there.
 
     `data` (k,) are the bytes of a block, `big` is True for big-endian, `ticks` are those per second, `link` is the link
-    type. `parts` keeps fragments from walk to walk. Output: `last_s` (1,) seconds of the last record; `offset`,
-    `length`, `time_s` and `sender` (MAX_FRAMES,) as
-    in :class:`~furrowmap.core.readers.pcap.Datagrams`; `counts` of frames by reason code.
+    type. `parts` keeps fragments from walk to walk. Output: `last_s` (1,) seconds of the last record; `found`;
+    `counts` of frames by reason code.
     """
     end = len(data)
     n = 0
-    for _ in range(len(offset)):
+    for _ in range(len(found.offset)):
         if parts.used[0] > len(parts.joined) - MAX_DATAGRAM:
             return n, pos, FULL
         if pos + 16 > end:
@@ -244,8 +260,10 @@ def walk_pcap(data, pos, big, ticks, link, last_s, parts, offset, length, time_s
             return n, pos, DAMAGE
         if pos + 16 + captured > end:
             return n, pos, MORE
-        why, offset[n], length[n], sender[n] = _datagram(data, pos + 16, pos + 16 + captured, link, parts)
-        time_s[n] = seconds + fraction / ticks
+        why, found.offset[n], found.length[n], found.sender[n] = _datagram(
+            data, pos + 16, pos + 16 + captured, link, parts
+        )
+        found.time_s[n] = seconds + fraction / ticks
         last_s[0] = seconds
         counts[why] += 1
         if why == 0:
@@ -254,15 +272,15 @@ def walk_pcap(data, pos, big, ticks, link, last_s, parts, offset, length, time_s
     return n, pos, FULL
 
 
-@kernel()
-def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, parts, offset, length, time_s, sender, counts):  # type: ignore[no-untyped-def]
+@kernel_part()
+def walk_pcapng(data, pos, big, described, interfaces, parts, found, counts):  # type: ignore[no-untyped-def]
     """As `walk_pcap` for pcapng blocks; stops also at section headers and interface descriptions.
 
-    `links`, `ticks` and `shift_s` are those of the `interfaces` interfaces described so far.
+    `described` of the `interfaces` are known so far.
     """
     end = len(data)
     n = 0
-    for _ in range(len(offset)):
+    for _ in range(len(found.offset)):
         if parts.used[0] > len(parts.joined) - MAX_DATAGRAM:
             return n, pos, FULL
         if pos + 12 > end:
@@ -280,7 +298,7 @@ def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, parts, offset
         if kind == 1:
             if size < 20:
                 return n, pos, DAMAGE
-            if interfaces < len(links):  # further ones are passed over, and packets of theirs are damage
+            if described < len(interfaces.link):  # further ones are passed over, and packets of theirs are damage
                 return n, pos, CONTROL
         if kind == 6 or kind == 2:  # enhanced packet, and the obsolete one: as long, with 16 bits of the interface
             if size < 32:
@@ -289,15 +307,15 @@ def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, parts, offset
             if kind == 2:
                 interface = interface >> 16 if big else interface & 0xFFFF
             captured = _u32(data, pos + 20, big)
-            if captured > size - 32 or interface >= interfaces:
+            if captured > size - 32 or interface >= described:
                 return n, pos, DAMAGE
-            why, offset[n], length[n], sender[n] = _datagram(
-                data, pos + 28, pos + 28 + captured, links[interface], parts
+            why, found.offset[n], found.length[n], found.sender[n] = _datagram(
+                data, pos + 28, pos + 28 + captured, interfaces.link[interface], parts
             )
             stamp = (_u32(data, pos + 12, big) << 32) | _u32(data, pos + 16, big)
-            per_s = ticks[interface]
-            time_s[n] = shift_s[interface] + stamp // per_s + (stamp % per_s) / per_s
-            if why == 0 and not 0.0 <= time_s[n] < LAST_TIME_S:
+            per_s = interfaces.ticks[interface]
+            found.time_s[n] = interfaces.shift_s[interface] + stamp // per_s + (stamp % per_s) / per_s
+            if why == 0 and not 0.0 <= found.time_s[n] < LAST_TIME_S:
                 why = _NO_TIME
             counts[why] += 1
             if why == 0:
@@ -420,10 +438,9 @@ class Capture:
         self._first_lost_at = 0
         self._left_over = 0
         self._big = False
-        self._links = np.zeros(_MAX_INTERFACES, np.int64)
-        self._ticks = np.ones(_MAX_INTERFACES, np.int64)
-        self._shift_s = np.zeros(_MAX_INTERFACES, np.float64)
-        self._interfaces = 0
+        kinds = (np.int64, np.int64, np.float64)
+        self._interfaces = Interfaces._make(np.zeros(_MAX_INTERFACES, kind) for kind in kinds)
+        self._described = 0
         self._parts = no_fragments()
         self._data = bytearray(source.read(BLOCK_BYTES))
         self._at = 0
@@ -436,30 +453,23 @@ class Capture:
             self._big, self.resolution = _PCAP_MAGIC[bytes(self._data[:4])]
             self._pos = min(24, len(self._data))
             if self._pos == 24:
-                self._links[0] = self._number(self._data[20:24]) & 0xFFFF
+                self._interfaces.link[0] = self._number(self._data[20:24]) & 0xFFFF
 
     def __iter__(self) -> Iterator[Datagrams]:
         counts = np.zeros(len(SKIPPED), np.int64)
-        found: list[NDArray[Any]] = [np.empty(MAX_FRAMES, kind) for kind in (np.int64, np.int64, np.float64, np.uint64)]
+        kinds = (np.int64, np.int64, np.float64, np.uint64)
+        found = WalkedDatagrams._make(np.empty(MAX_FRAMES, kind) for kind in kinds)
         last_s = np.zeros(1)
         while True:
             data = np.frombuffer(self._data, np.uint8)
             if self.format == "pcap":
+                link = self._interfaces.link[0]
                 count, self._pos, why = walk_pcap(
-                    data, self._pos, self._big, self.resolution, self._links[0], last_s, self._parts, *found, counts
+                    data, self._pos, self._big, self.resolution, link, last_s, self._parts, found, counts
                 )
             else:
                 count, self._pos, why = walk_pcapng(
-                    data,
-                    self._pos,
-                    self._big,
-                    self._interfaces,
-                    self._links,
-                    self._ticks,
-                    self._shift_s,
-                    self._parts,
-                    *found,
-                    counts,
+                    data, self._pos, self._big, self._described, self._interfaces, self._parts, found, counts
                 )
             if why == CONTROL and not count and self._control_block():
                 continue  # a file may consist of them; what was counted is kept for the next time
@@ -470,7 +480,7 @@ class Capture:
             if count:
                 if joined := self._parts.used[0]:
                     data = np.concatenate([data, self._parts.joined[:joined]])
-                yield Datagrams(data, *(column[:count].copy() for column in found))
+                yield Datagrams(data, *WalkedDatagrams._make(column[:count].copy() for column in found))
             self._parts.used[[0, 2]] = 0
             if why == CONTROL:
                 if not self._control_block():
@@ -530,7 +540,7 @@ class Capture:
         """Read a section header or an interface description of pcapng; False if it is truncated."""
         if self._data[self._pos : self._pos + 4] == _SECTION:
             self._big = self._data[self._pos + 8 : self._pos + 12] == b"\x1a\x2b\x3c\x4d"
-            self._interfaces = 0
+            self._described = 0
             size = self._number(self._data[self._pos + 4 : self._pos + 8])
             if not 28 <= size <= MAX_BLOCK or size % 4:
                 raise InputError("damaged-capture.section-length", path=self.path, size=size, at=self._at + self._pos)
@@ -544,11 +554,12 @@ class Capture:
         return True
 
     def _add_interface(self, block: bytearray) -> None:
-        i = self._interfaces
-        self._interfaces += 1
-        self._links[i] = self._number(block[8:10])
-        self._ticks[i] = 1_000_000
-        self._shift_s[i] = 0.0
+        i = self._described
+        self._described += 1
+        interfaces = self._interfaces
+        interfaces.link[i] = self._number(block[8:10])
+        interfaces.ticks[i] = 1_000_000
+        interfaces.shift_s[i] = 0.0
         at = 16
         while at + 4 <= len(block) - 4:
             code = self._number(block[at : at + 2])
@@ -558,12 +569,12 @@ class Capture:
                 break
             if code == _TIME_RESOLUTION and len(value) == 1:
                 exponent = value[0] & 0x7F
-                self._ticks[i] = 2 ** min(exponent, 62) if value[0] & 0x80 else 10 ** min(exponent, 18)
+                interfaces.ticks[i] = 2 ** min(exponent, 62) if value[0] & 0x80 else 10 ** min(exponent, 18)
             elif code == _TIME_OFFSET and len(value) == 8:
-                self._shift_s[i] = self._number(value, signed=True)
+                interfaces.shift_s[i] = self._number(value, signed=True)
             at += 4 + (length + 3) // 4 * 4
         if i == 0:
-            self.resolution = int(self._ticks[0])
+            self.resolution = int(interfaces.ticks[0])
 
     def _step_over(self, last_s: FloatArray) -> None:
         """Skip to the next plausible record."""
