@@ -111,33 +111,28 @@ def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = 
     for name in ("intensity", "classification", "point_source_id"):
         into[name] = _fitting(name, getattr(batch, name), into.dtype[name], n)
     extra = _fill_optional(batch, into)
-    low = np.empty(3, np.int64)
-    high = np.empty(3, np.int64)
     by_return = np.zeros(RETURNS + 1, np.int64)
-    seconds = np.empty(2)
     shift_s = 0.0 if week_time or not n else float(utc_to_las_time(batch.t_s[0]) - batch.t_s[0])
-    refused = pack_points(
+    refused, low, high, ends_s = pack_points(
         np.require(batch.xyz_m, np.float64, ["C", "W"]),
         1.0 / scale_m,
         np.require(batch.t_s, np.float64, ["C", "W"]),
         shift_s,
         np.broadcast_to(_fitting("return_number", batch.return_number, np.dtype(np.uint8), n), n),
         np.broadcast_to(_fitting("returns", batch.returns, np.dtype(np.uint8), n), n),
-        *(into[name] for name in ("X", "Y", "Z", "bit_fields", "gps_time")),
-        low,
-        high,
+        tuple(into[name] for name in ("X", "Y", "Z", "bit_fields", "gps_time")),
         by_return,
-        seconds,
     )
     if refused >= 0:
         raise _refusal(batch, refused, scale_m)
+    seconds = np.array(ends_s)
     if not week_time and (utc_to_las_time(seconds) - seconds != shift_s).any():  # a leap second in between
         into["gps_time"] = utc_to_las_time(batch.t_s)
         seconds = np.array([into["gps_time"].min(), into["gps_time"].max()])
     else:
         seconds += shift_s
     first, last = seconds.tolist()
-    return Extent(n, low, high, by_return[1:], first, last, extra)
+    return Extent(n, np.array(low, np.int64), np.array(high, np.int64), by_return[1:], first, last, extra)
 
 
 def _fill_optional(batch: PointBatch, into: Records) -> dict[str, tuple[float, float]]:
@@ -186,27 +181,23 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
 
 
 @kernel_part(
-    numba.int64(
+    numba.types.Tuple([numba.int64, *(numba.types.UniTuple(numba.float64, length) for length in (3, 3, 2))])(
         numba.float64[:, ::1],
         numba.float64,
         numba.float64[::1],
         numba.float64,
         numba.types.Array(numba.uint8, 1, "A", readonly=True),
         numba.types.Array(numba.uint8, 1, "A", readonly=True),
-        *(field_type(numba.int32),) * 3,
-        field_type(numba.uint8),
-        field_type(numba.float64),
-        *(numba.int64[::1],) * 3,
-        numba.float64[::1],
+        numba.types.Tuple([*map(field_type, (*(numba.int32,) * 3, numba.uint8, numba.float64))]),
+        numba.int64[::1],
     )
 )
-def pack_points(  # type: ignore[no-untyped-def]
-    xyz_m, steps_per_m, t_s, shift_s, return_number, returns, x, y, z, bit_fields, time, low, high, by_return, seconds
-):
-    """Fill coordinates, returns and times, later by a shift; returns the index of the first invalid point, or −1.
+def pack_points(xyz_m, steps_per_m, t_s, shift_s, return_number, returns, fields, by_return):  # type: ignore[no-untyped-def]
+    """Fill the fields of coordinates, returns and times, later by a shift, and count points by return number.
 
-    Also computes the least and greatest steps, the number of points by return number, and the first and last of `t_s`.
+    Returns the index of the first invalid point, or −1; the least and greatest steps, and the first and last of `t_s`.
     """
+    x, y, z, bit_fields, time = fields
     west = south = bottom = first = np.inf
     east = north = top = last = -np.inf
     for i in range(len(t_s)):
@@ -223,7 +214,7 @@ def pack_points(  # type: ignore[no-untyped-def]
             and np.isfinite(t_s[i])
         )
         if not (within and 1 <= number <= 15 and 1 <= of <= 15):
-            return i
+            return i, (west, south, bottom), (east, north, top), (first, last)
         x[i] = np.int64(e)
         y[i] = np.int64(n)
         z[i] = np.int64(h)
@@ -238,12 +229,4 @@ def pack_points(  # type: ignore[no-untyped-def]
         time[i] = t_s[i] + shift_s
         first = min(first, t_s[i])
         last = max(last, t_s[i])
-    low[0] = west
-    low[1] = south
-    low[2] = bottom
-    high[0] = east
-    high[1] = north
-    high[2] = top
-    seconds[0] = first
-    seconds[1] = last
-    return -1
+    return -1, (west, south, bottom), (east, north, top), (first, last)

@@ -79,13 +79,10 @@ def select_columns(parts: Sequence[Chosen], *, coloured: bool) -> ChunkColumns:
     start = 0
     for part in parts:
         end = start + len(part)
-        take(
-            *(part.records[name] for name in names[:NUMBER_FIELDS]),
-            rows_of(part.records)[:, layout.itemsize - extra_bytes :],
-            part.members,
-            *(column[start:end] for column in numbers),
-            extra[:, start:end],
-        )
+        fields = tuple(part.records[name] for name in names[:NUMBER_FIELDS])
+        extra_fields = rows_of(part.records)[:, layout.itemsize - extra_bytes :]
+        columns = tuple(column[start:end] for column in numbers)
+        take(fields, extra_fields, part.members, columns, extra[:, start:end])
         if rgb is not None and held:
             for column, name in zip(rgb, COLOUR, strict=True):
                 column[start:end] = part.records[name][part.members]
@@ -120,20 +117,20 @@ def gather(source, source_last, members, target, target_last):  # type: ignore[n
 FIELD_TYPES: Final = (*(numba.int32,) * 3, numba.uint16, numba.uint8, numba.uint8, numba.uint16, numba.float64)
 
 
+# Tuples without names, as numba converts arrays in these alone: the fields of a single record are contiguous.
 @kernel(
     numba.void(
-        *map(field_type, FIELD_TYPES),
+        numba.types.Tuple([*map(field_type, FIELD_TYPES)]),
         numba.uint8[:, :],
         numba.uint32[::1],
-        *(numba.types.Array(dtype, 1, "C") for dtype in FIELD_TYPES),
+        numba.types.Tuple([numba.types.Array(dtype, 1, "C") for dtype in FIELD_TYPES]),
         numba.uint8[:, :],
     )
 )
-def take(  # type: ignore[no-untyped-def]
-    xs, ys, zs, intensities, all_returns, classes, sources, times, extras, members,
-    x, y, z, intensity, returns, classification, source, time, extra,
-):  # fmt: skip
-    """Kernel of :func:`select_columns`: copies fields of records into columns."""
+def take(fields, extras, members, columns, extra):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`select_columns`: copies fields of records into columns, both in the order of FIELD_TYPES."""
+    xs, ys, zs, intensities, all_returns, classes, sources, times = fields
+    x, y, z, intensity, returns, classification, source, time = columns
     for i in range(len(members)):
         k = members[i]
         x[i] = xs[k]
