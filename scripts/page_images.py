@@ -1,8 +1,8 @@
 """Makes the pictures of pages in the documentation anew: ``python scripts/page_images.py``.
 
 Runs the sample recording tractor_fishtail and draws its report and its shared page with Chromium, on a desktop and on a
-phone, and tractor_loop for the dock and a printed page of QGIS; ``make demo`` before it, and the picture of its map is
-taken over.
+phone, and tractor_loop for form, dock and a printed page of QGIS. Run ``make demo`` before it, so that the picture of its
+map is taken over.
 """
 
 from __future__ import annotations
@@ -43,15 +43,20 @@ def shoot(page: Path, width: int, height: int, into: Path) -> Image.Image:
         return drawn.convert("RGB")
 
 
-def shoot_qgis(result: Path, work: Path) -> None:
-    """The dock beside the map, and a printed page, in the desktop QGIS of the tests."""
+def shoot_qgis(session: Path, result: Path, work: Path) -> None:
+    """Form and result in the dock beside the map, and a printed page, in the desktop QGIS of the tests."""
     plugins = work / "plugins"
     shutil.copytree(CHECKOUT / "plugin", plugins / "furrowmap")
-    script = "scripts/in_qgis_root.sh"
-    command = [script, "scripts/qgis_desktop.sh", str(plugins), "scripts/qgis_pictures.py", str(result), str(work)]
-    subprocess.run(command, cwd=CHECKOUT, env=os.environ | {"QGIS_SIZE": "1180x760"}, check=True)
-    with Image.open(work / "dock.png") as drawn:
-        drawn.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE).save(IMAGES / "qgis-dock.png", optimize=True)
+    own = CHECKOUT / "scripts"
+    worker = subprocess.run([own / "qgis_worker.sh"], capture_output=True, text=True, check=True).stdout.strip()
+    desktop = [own / "in_qgis_root.sh", "scripts/qgis_desktop.sh", str(plugins)]
+    story = ["scripts/qgis_pictures.py", str(session), str(result), str(work)]
+    environment = os.environ | {"QGIS_SIZE": "1180x760", "QGIS_INTERPRETER": worker}
+    subprocess.run([*desktop, *story], cwd=CHECKOUT, env=environment, check=True)
+    for name in ("dock", "preview", "session"):
+        with Image.open(work / f"{name}.png") as drawn:
+            picture = drawn.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE)
+            picture.save(IMAGES / f"qgis-{name}.png", optimize=True)
     with Image.open(work / "page.png") as drawn:
         drawn.convert("RGB").save(IMAGES / "qgis-page.jpg", quality=JPEG_QUALITY, optimize=True)
 
@@ -60,7 +65,9 @@ def main() -> None:
     """Write the pictures."""
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
-        shoot_qgis(furrowmap.run(SAMPLES / "tractor_loop" / "session.toml", work / "loop").path, work)
+        drive = shutil.copytree(SAMPLES / "tractor_loop", work / "drive", copy_function=shutil.copyfile)
+        session = drive / "session.toml"
+        shoot_qgis(session, furrowmap.run(session, work / "loop").path, work)
         result = furrowmap.run(SAMPLES / "tractor_fishtail" / "session.toml", work / "result")
         report = result.path / "report.html"
         shoot(report, 940, 1560, work).save(IMAGES / "report-page.png", optimize=True)
