@@ -1,8 +1,8 @@
 """Makes the pictures of pages in the documentation anew: ``python scripts/page_images.py``.
 
 Runs the sample recording tractor_fishtail and draws its report and its shared page with Chromium, on a desktop and on a
-phone, and tractor_loop for form, dock and a printed page of QGIS. Run ``make demo`` before it, so that the picture of its
-map is taken over.
+phone, and tractor_loop for form, dock and a printed page of QGIS. Run ``make demo`` before: the picture of its map is
+taken over.
 """
 
 from __future__ import annotations
