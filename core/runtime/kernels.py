@@ -11,7 +11,8 @@ nobody uses, would take a sixth of the time."""
 
 kernel_part: Final = partial(kernel, _nrt=False)
 """The same for what kernels call in their loops: it neither makes nor returns arrays, so that it needs no counts of who
-holds those it is given. These are atomic; two threads that take turns at them would spend a fifth of the time there."""
+holds those it is given. These are atomic; two threads that take turns at them would spend a fifth of the time there.
+Kernels that make no arrays may be such too: they take arrays out of tuples in their loops without counting."""
 
 
 @kernel_part()
