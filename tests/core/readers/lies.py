@@ -181,18 +181,18 @@ MANY_FIELDS: Final = "".join(f'<f{k} type="Integer" minimum="5" maximum="5"/>' f
 
 def csv_line(folder: Path) -> Path:
     """A line without an end."""
-    return packed(folder / "a.csv.gz", b"time_unix_s,angle_deg,range_m\n", b"1.5,2.5,3.5,", 300 * MB)
+    return packed(folder / "a.csv.gz", b"time_unix_s,angle_deg,range_m\n", b"1.5,2.5,3.5,", 150 * MB)
 
 
 def csv_columns(folder: Path) -> Path:
     path = folder / "a.csv"
     names = ",".join(["time_unix_s", "lat_deg", "lon_deg", "height_m", *(f"c{k}" for k in range(100_000))])
-    path.write_text(f"{names}\n" + "1,2,3,4\n" * 300_000, encoding="utf-8")
+    path.write_text(f"{names}\n" + "1,2,3,4\n" * 150_000, encoding="utf-8")
     return path
 
 
 def csv_rows(folder: Path) -> Path:
-    return packed(folder / "a.csv.gz", b"time_unix_s,lat_deg,lon_deg,height_m\n", b"1,2,3,4\n", 350 * MB)
+    return packed(folder / "a.csv.gz", b"time_unix_s,lat_deg,lon_deg,height_m\n", b"1,2,3,4\n", 175 * MB)
 
 
 def mcap_record(kind: int, content: bytes) -> bytes:
@@ -210,10 +210,10 @@ def mcap_head() -> bytes:
 
 
 def mcap_chunks(method: str, pack: Callable[[bytes], bytes]) -> Callable[[Path], Path]:
-    """Chunks of messages of zeros, each of hundreds of megabytes from a few kilobytes."""
+    """Chunks of messages of zeros, each of 50 megabytes from a few kilobytes."""
 
     def make(folder: Path) -> Path:
-        message = mcap_record(5, struct.pack("<HIQQ", 1, 0, 10**18, 10**18) + bytes(100 * MB))
+        message = mcap_record(5, struct.pack("<HIQQ", 1, 0, 10**18, 10**18) + bytes(50 * MB))
         small = pack(message)
         chunk = struct.pack("<QQQI", 0, 0, len(message), 0) + text(method) + struct.pack("<Q", len(small)) + small
         path = folder / "a.mcap"
@@ -225,7 +225,7 @@ def mcap_chunks(method: str, pack: Callable[[bytes], bytes]) -> Callable[[Path],
 
 def mcap_messages(folder: Path) -> Path:
     """Messages that are compressed each."""
-    small = zstd.compress(b"\0\1\0\0" + bytes(100 * MB))
+    small = zstd.compress(b"\0\1\0\0" + bytes(50 * MB))
     record = mcap_record(5, struct.pack("<HIQQ", 1, 0, 10**18, 10**18) + small)
     path = folder / "a.mcap"
     path.write_bytes(mcap_head() + record * 200)
@@ -233,18 +233,18 @@ def mcap_messages(folder: Path) -> Path:
 
 
 def mcap_damage(folder: Path) -> Path:
-    """100,000 chunks that cannot be read."""
+    """50,000 chunks that cannot be read."""
     path = folder / "a.mcap"
     cloud = mcap_record(5, struct.pack("<HIQQ", 1, 0, 10**18, 10**18) + bytes(100))
-    path.write_bytes(mcap_head() + cloud + mcap_record(6, b"\xff" * 12) * 100_000)
+    path.write_bytes(mcap_head() + cloud + mcap_record(6, b"\xff" * 12) * 50_000)
     return path
 
 
 def bag_unknown(folder: Path) -> Path:
-    """100,000 records of unknown kinds in a bag of ROS 1."""
+    """50,000 records of unknown kinds in a bag of ROS 1."""
     header = struct.pack("<I", 4) + b"op=\x63"
     path = folder / "a.bag"
-    path.write_bytes(b"#ROSBAG V2.0\n" + (struct.pack("<I", len(header)) + header + struct.pack("<I", 0)) * 100_000)
+    path.write_bytes(b"#ROSBAG V2.0\n" + (struct.pack("<I", len(header)) + header + struct.pack("<I", 0)) * 50_000)
     return path
 
 
@@ -274,7 +274,7 @@ def db3_pages(folder: Path) -> Path:
         folder,
         "PRAGMA page_size = 4096; VACUUM;"
         "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB);"
-        "WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n WHERE id < 200000)"
+        "WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n WHERE id < 100000)"
         " INSERT INTO messages SELECT id, 1, id, zeroblob(2) FROM n;",
     )
     data = bytearray(path.read_bytes())
@@ -321,14 +321,14 @@ def external_twice(folder: Path) -> Path:
 
 
 def xml_texts(folder: Path) -> Path:
-    """Text in a million pieces between elements."""
-    return task_data(folder, "x<b/>" * 800_000)
+    """Text in half a million pieces between elements."""
+    return task_data(folder, "x<b/>" * 400_000)
 
 
 def overlapping(folder: Path) -> Path:
-    """Entries of an archive that are the same bytes, which unpack to 200 MB."""
+    """Entries of an archive that are the same bytes, which unpack to 100 MB."""
     small = zlib.compressobj(9, zlib.DEFLATED, -15)
-    content = bytes(200 * MB)
+    content = bytes(100 * MB)
     checksum = zlib.crc32(content)
     data = small.compress(content) + small.flush()
     local = struct.pack("<4sHHHHHIIIHH", b"PK\3\4", 20, 0, 8, 0, 0, checksum, len(data), len(content), 12, 0)
@@ -347,10 +347,10 @@ def overlapping(folder: Path) -> Path:
 
 
 def many_entries(folder: Path) -> Path:
-    """100,000 entries of an archive without content."""
+    """30,000 entries of an archive without content."""
     path = folder / "a.zip"
     with zipfile.ZipFile(path, "w") as archive:
-        for k in range(60_000):
+        for k in range(30_000):
             archive.writestr(f"{k}", b"")
     return path
 
@@ -390,14 +390,14 @@ def sheet_corner(folder: Path) -> Path:
 
 
 def sheet_shared(folder: Path) -> Path:
-    """100,000 cells of one text of a megabyte."""
-    rows = "".join(f'<row r="{k}"><c r="A{k}" t="s"><v>0</v></c></row>' for k in range(1, 100_001))
+    """50,000 cells of one text of a megabyte."""
+    rows = "".join(f'<row r="{k}"><c r="A{k}" t="s"><v>0</v></c></row>' for k in range(1, 50_001))
     return workbook(folder, rows, "x" * MB)
 
 
 def wide_table(folder: Path) -> Path:
     path = folder / "a.csv"
-    path.write_text(",".join(f"c{k}" for k in range(100_000)) + "\n" + "1\n" * 1_000_000, encoding="utf-8")
+    path.write_text(",".join(f"c{k}" for k in range(100_000)) + "\n" + "1\n" * 500_000, encoding="utf-8")
     return path
 
 
@@ -457,7 +457,7 @@ def sbet(folder: Path) -> Path:
     records = np.zeros((300, 17))
     records[:, :4] = (1.0, 0.9, 0.2, 100.0)
     records[:, 0] += 0.005 * np.arange(300)
-    return packed(folder / "a.sbet.gz", records.tobytes(), records[-1:].tobytes(), 350 * MB)
+    return packed(folder / "a.sbet.gz", records.tobytes(), records[-1:].tobytes(), 175 * MB)
 
 
 def stuttering(entry: str, start: bytes) -> Callable[[Path], Path]:
@@ -469,7 +469,7 @@ def stuttering(entry: str, start: bytes) -> Callable[[Path], Path]:
         made = next(each for each in (*POSITIONS, *INERTIAL) if each.name == entry).seeds(seeds)
         name, data = next(iter(made[0].items()))
         path = folder / name
-        path.write_bytes(data + start * (3 * MB // len(start)))
+        path.write_bytes(data + start * (3 * MB // 2 // len(start)))
         return path
 
     return make
@@ -484,9 +484,9 @@ LIES: Final[dict[str, tuple[str, Callable[[Path], Path]]]] = {
     "e57, no bits": ("cloud", e57("a", section(data_packet(b"", b"", b"")), e57_xml(1, 10**12, NO_BITS))),
     "e57, one bit": (
         "cloud",
-        e57("a", section(data_packet(*[bytes(16_000)] * 3) * 60), e57_xml(1, 60 * 128_000, ONE_BIT)),
+        e57("a", section(data_packet(*[bytes(16_000)] * 3) * 30), e57_xml(1, 30 * 128_000, ONE_BIT)),
     ),
-    "e57, pages": ("cloud", e57("a", section(EMPTY * 120_000), e57_xml(1, 1000, ONE_BIT), 1 << 20)),
+    "e57, pages": ("cloud", e57("a", section(EMPTY * 60_000), e57_xml(1, 1000, ONE_BIT), 1 << 19)),
     "e57, scans": (
         "cloud",
         e57("a", section(EMPTY * 100_000 + data_packet(b"1", b"1", b"1")), e57_xml(5000, 8, ONE_BIT)),
@@ -499,9 +499,9 @@ LIES: Final[dict[str, tuple[str, Callable[[Path], Path]]]] = {
         "cloud",
         e57("a", section(data_packet(b"", b"", b"")), e57_xml(1, 1000, NO_BITS + MANY_FIELDS)),
     ),
-    "nmea, dollars": ("recording", lambda folder: packed(folder / "a.nmea.gz", FIXES, b"$", 300 * MB)),
-    "nmea, short": ("recording", lambda folder: packed(folder / "a.nmea.gz", FIXES, sentence("GPGGA,"), 300 * MB)),
-    "nmea, fixes": ("recording", lambda folder: packed(folder / "a.nmea.gz", FIXES, FIXES, 300 * MB)),
+    "nmea, dollars": ("recording", lambda folder: packed(folder / "a.nmea.gz", FIXES, b"$", 150 * MB)),
+    "nmea, short": ("recording", lambda folder: packed(folder / "a.nmea.gz", FIXES, sentence("GPGGA,"), 150 * MB)),
+    "nmea, fixes": ("recording", lambda folder: packed(folder / "a.nmea.gz", FIXES, FIXES, 150 * MB)),
     "csv, line": ("recording", csv_line),
     "csv, columns": ("recording", csv_columns),
     "csv, rows": ("recording", csv_rows),
@@ -520,7 +520,7 @@ LIES: Final[dict[str, tuple[str, Callable[[Path], Path]]]] = {
     "xlsx, corner": ("sheet", sheet_corner),
     "xlsx, shared": ("sheet", sheet_shared),
     "table, wide": ("table", wide_table),
-    "session, long": ("session", session("furrowmap = 1\n" + "a = 1\n" * 8_000_000)),
+    "session, long": ("session", session("furrowmap = 1\n" + "a = 1\n" * 4_000_000)),
     "session, parts": ("session", session("a." * 100_000 + "b = 1")),
     "session, quoted parts": ("session", session("x = {" + '"a".' * 100_000 + "b = 1}")),
     "session, nested": ("session", session("a = " + "[" * 100_000)),

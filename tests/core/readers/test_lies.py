@@ -18,9 +18,9 @@ from furrowmap.core.runtime.errors import InputError, RefusedError
 from tests.core.readers.lies import FIXES, LIES, MB, mcap_head, mcap_record, packed, task_data
 
 ADDRESS_SPACE = 6 << 30
-PEAK_KB = 1_200_000
-SECONDS = 60.0
-SIZE = 50 << 20
+PEAK_KB = 700_000
+SECONDS = 30.0
+SIZE = 25 << 20
 ROOT = Path(__file__).parents[3]
 
 
