@@ -37,7 +37,16 @@ TURNING = Scenario(
     name="turning",
     seed=23,
     field=ScenarioField(margin_m=8.0),
-    drive=ScenarioDrive(passes=2, pass_m=(4.0,), stand_start_s=0.6, stand_end_s=0.4, lead_in_m=0.4),
+    drive=ScenarioDrive(
+        passes=2,
+        pass_m=(4.0,),
+        speed_turn_mps=1.6,
+        accel_mps2=1.2,
+        stand_start_s=0.6,
+        stand_end_s=0.4,
+        gear_s=0.5,
+        lead_in_m=0.4,
+    ),
 )
 
 Misstated = Callable[[Session], Session]
