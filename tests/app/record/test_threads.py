@@ -213,7 +213,7 @@ def test_promise_26__thread_that_was_ended_makes_the_exit_status_1(
         kill_by_name("packets", before)
 
     statuses = []
-    for work, duration_s in ((kill_one, 10), (lambda: None, 3)):
+    for work, duration_s in ((kill_one, 6), (lambda: None, 1)):
         folder = tmp_path / "rec"
         (folder / "status.json").unlink(missing_ok=True)
         killer = threading.Thread(target=work, name="killer of the test")
