@@ -28,6 +28,7 @@ settings.register_profile("furrowmap", deadline=None, derandomize=os.environ.get
 settings.load_profile("furrowmap")
 keep_kernels()  # where the command keeps them: compiled once for both
 keep_blas_single()  # as the command does: threads of BLAS take fifteen times the processor for small matrices
+os.environ.setdefault("OGR_SQLITE_SYNCHRONOUS", "OFF")  # no test cuts the power: each layer would wait for the disk
 pytest_plugins = ["tests.codes_met", "tests.kernels_met"]
 CHECKOUT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(CHECKOUT / "scripts"))
