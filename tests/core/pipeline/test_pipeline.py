@@ -40,20 +40,26 @@ class Counting:
         self.points += len(placed.scan.t_s)
 
 
-@pytest.fixture
-def session(shared_data: Path, tmp_path: Path) -> Path:
+def session_in(shared_data: Path, folder: Path) -> Path:
     """Two seconds of a tractor's scans with its whole GNSS log."""
     with gzip.open(shared_data / "tractor_loop" / "recording.pcap.gz") as stream:
-        (tmp_path / "capture.pcap").write_bytes(stream.read(24 + 1264 * 1500))
-    shutil.copy(shared_data / "tractor_loop" / "gnss.nmea", tmp_path)
-    (tmp_path / "session.toml").write_text(SESSION)
-    return tmp_path / "session.toml"
+        (folder / "capture.pcap").write_bytes(stream.read(24 + 1264 * 1500))
+    shutil.copy(shared_data / "tractor_loop" / "gnss.nmea", folder)
+    (folder / "session.toml").write_text(SESSION)
+    return folder / "session.toml"
 
 
-def run_alone(session: Path) -> RunResult:
-    """The session's run with its capture in one file."""
-    session.write_text(SESSION)
-    return run(open_session(session), Counting())
+@pytest.fixture
+def session(shared_data: Path, tmp_path: Path) -> Path:
+    """A session that a test may change."""
+    return session_in(shared_data, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def unchanged(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, int]:
+    """The run of the session as it is, and how many points it gave."""
+    sink = Counting()
+    return run(open_session(session_in(shared_data, tmp_path_factory.mktemp("unchanged"))), sink), sink.points
 
 
 def shifted_nmea(log: bytes, seconds: int) -> bytes:
@@ -67,10 +73,9 @@ def shifted_nmea(log: bytes, seconds: int) -> bytes:
     return re.sub(rb"\$(\w{2}(?:GGA|RMC|GST),)(\d{6})([^*]*)\*..", later, log)
 
 
-def test_a_session_places_all_points(session: Path) -> None:
-    sink = Counting()
-    found = run(open_session(session), sink)
-    assert found.placement.points == found.placement.points_read == sink.points > 200_000
+def test_a_session_places_all_points(unchanged: tuple[RunResult, int]) -> None:
+    found, points = unchanged
+    assert found.placement.points == found.placement.points_read == points > 200_000
     assert {notice.code for notice in found.notices} >= {"antenna-unknown", "mounting-identity"}
 
 
@@ -101,7 +106,7 @@ def test_scans_in_a_gap_of_the_positions_are_told_as_such(session: Path) -> None
         run(open_session(session), Counting())
 
 
-def test_files_in_the_wrong_order_are_refused(session: Path) -> None:
+def test_files_in_the_wrong_order_are_refused(session: Path, unchanged: tuple[RunResult, int]) -> None:
     capture = session.with_name("capture.pcap")
     whole = capture.read_bytes()
     half = 24 + 1264 * 750
@@ -109,15 +114,15 @@ def test_files_in_the_wrong_order_are_refused(session: Path) -> None:
     capture.with_name("second.pcap").write_bytes(whole[:24] + whole[half:])
     session.write_text(SESSION.replace('"capture.pcap"', '"first.pcap", "second.pcap"'))
     right = run(open_session(session), Counting())
-    assert right.placement.points == run_alone(session).placement.points
+    assert right.placement.points == unchanged[0].placement.points
     session.write_text(SESSION.replace('"capture.pcap"', '"second.pcap", "first.pcap"'))
     with pytest.raises(InputError, match="Scan") as caught:
         run(open_session(session), Counting())
     assert caught.value.code == "scans-not-in-order"
 
 
-def test_a_stated_clock_offset_moves_the_scans(session: Path) -> None:
-    as_recorded, shifted = run(open_session(session), Counting()), None
+def test_a_stated_clock_offset_moves_the_scans(session: Path, unchanged: tuple[RunResult, int]) -> None:
+    as_recorded, _ = unchanged
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = -20.0\n[crs]"))
     shifted = run(open_session(session), Counting())
     assert shifted.placement.poses.t_s[0] - as_recorded.placement.poses.t_s[0] == pytest.approx(20.0, abs=1e-6)
