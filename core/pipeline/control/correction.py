@@ -70,11 +70,25 @@ class Correction:
         sigma = trajectory.sigma
         if not keep_sigma:
             position = np.where(self.error.axes & np.isfinite(sigma[:, :3]), np.sqrt(variance), sigma[:, :3])
-            known = np.degrees(np.sqrt(self.error.model.turn_sigma_rad**2 - turn_variance))
-            level = float(np.sqrt(np.mean(known[:2] ** 2)))
-            attitude = np.sqrt(np.maximum(sigma[:, 3:] ** 2 - np.array([level, level, known[2]]) ** 2, 0.0))
+            attitude = _attitude_sigma_deg(trajectory, self.error.model.turn_sigma_rad**2, turn_variance)
             sigma = np.column_stack([position, attitude])
         return replace(trajectory, xyz_m=trajectory.xyz_m + shift, quaternion=quaternion, sigma=sigma)
+
+
+def _attitude_sigma_deg(trajectory: Trajectory, before: FloatArray, after: FloatArray) -> FloatArray:
+    """(n, 3) standard deviations of roll, pitch and heading, once the turn of the frame, which all share, is known.
+
+    A turn about the vehicle's axis x is roll, one about y pitch. No pose is known better than the frame.
+
+    Args:
+        before: (3,) variances (rad²) of the turns about the axes to the east, to the north and upwards.
+        after: (3,) the same with the points.
+    """
+    axes = Rotation.from_quat(trajectory.quaternion, scalar_first=True).as_matrix()
+    share = np.stack([axes[:, :, 0], axes[:, :, 1], np.broadcast_to([0.0, 0.0, 1.0], axes[:, 0].shape)], axis=1) ** 2
+    stated = np.radians(trajectory.sigma[:, 3:]) ** 2
+    own = stated - share @ (before - after)
+    return np.degrees(np.sqrt(np.maximum(own, np.minimum(stated, share @ after))))
 
 
 def correction(
@@ -116,14 +130,18 @@ def error_model(trajectory: Trajectory, points_m: FloatArray, *, held: bool) -> 
     pivot = points_m.mean(axis=0)
     stated = stated_sigma_m(trajectory.sigma)
     angles = np.radians(np.where(np.isfinite(trajectory.sigma[:, 3:]), trajectory.sigma[:, 3:], UNKNOWN_ATTITUDE_DEG))
-    roll, pitch, heading = np.sqrt(np.mean(angles**2, axis=0)).tolist()
+    axes = Rotation.from_quat(trajectory.quaternion, scalar_first=True).as_matrix()
+    # Roll is a turn about the vehicle's axis x, pitch one about y: here by their parts to the east and to the north.
+    level = np.sqrt(
+        np.mean(angles[:, :1] ** 2 * axes[:, :UP, 0] ** 2 + angles[:, 1:2] ** 2 * axes[:, :UP, 1] ** 2, axis=0)
+    )
+    heading = float(np.sqrt(np.mean(angles[:, UP] ** 2)))
     apart_m = float(np.sqrt(np.mean(np.var(trajectory.xyz_m[:, :2], axis=0))))
-    level = np.hypot(roll, pitch) / np.sqrt(2.0)
     positions = np.sqrt(np.mean(stated**2, axis=0)) / max(apart_m, 1e-3)
-    tilt = 1.0 / np.hypot(1.0 / max(level, 1e-9), 1.0 / max(positions[UP], 1e-9))
+    east, north = (1.0 / np.hypot(1.0 / np.maximum(level, 1e-9), 1.0 / max(positions[UP], 1e-9))).tolist()
     turn = 1.0 / np.hypot(1.0 / max(heading, 1e-9), 1.0 / max(float(np.max(positions[:UP])), 1e-9))
     share = HELD_DRIFT_SHARE if held else FREE_DRIFT_SHARE
-    return ErrorModel(pivot, np.full(3, FRAME_SIGMA_M), np.array([tilt, tilt, turn]), share)
+    return ErrorModel(pivot, np.full(3, FRAME_SIGMA_M), np.array([east, north, turn]), share)
 
 
 def stated_sigma_m(sigma: FloatArray) -> FloatArray:

@@ -105,9 +105,9 @@ class ErrorModel:
 
     @property
     def common_sigma_deg(self) -> tuple[float, float]:
-        """Standard deviations of tilt and heading that all poses share."""
+        """Standard deviations of tilt (mean of both axes) and heading that all poses share."""
         lasting = np.degrees(self.turn_sigma_rad) * np.sqrt(1.0 - self.drift_share)
-        return float(lasting[0]), float(lasting[UP])
+        return float(np.sqrt(np.mean(lasting[:UP] ** 2))), float(lasting[UP])
 
     def position_covariance(
         self, t_s: FloatArray, sigma_m: FloatArray, other_s: FloatArray, other_sigma_m: FloatArray

@@ -385,3 +385,38 @@ def test_nothing_seen__corrects_nothing() -> None:
     assert found.applied(path) is path
     assert [notice.code for notice in found.notices] == ["ground-control-unseen"]
     assert found.result.plain()["corrected"] == [False, False, False]
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 30.0, 90.0])
+@pytest.mark.parametrize("in_plan", [False, True])
+def test_attitude__is_never_known_better_than_the_frame_or_worse_than_before(heading_deg: float, in_plan: bool) -> None:
+    """Poses of a drive differ: roll is less certain than pitch, and some poses are far more certain than most."""
+    path = drive()
+    path = trajectory_from_attitude(path.t_s, path.xyz_m, 0.0, 0.0, heading_deg, max_gap_s=1.0)
+    sigma = np.column_stack([np.full((len(path), 3), 0.02), np.tile([0.2, 0.1, 0.05], (len(path), 1))])
+    sigma[::3, 3:] = 0.01
+    path = replace(path, sigma=sigma)
+    model = error_model(path, CORNERS, held=True)
+    times = T0_S + np.arange(5) * 12.0
+    seen = seen_at(np.zeros(5), times)
+    if in_plan:
+        targets = (SeenTarget((0.0, 0.0, 0.0), (0.003,) * 3, np.array([t]), np.ones(1)) for t in times)
+        seen = [SeenPoint(target=target) for target in targets]
+    found = correction(control(CORNERS), seen, path, model)
+    assert found.error is not None
+    after = np.degrees(np.sqrt(found.error.turn_rad[1]))
+    corrected = found.applied(path).sigma[:, 3:]
+    assert (corrected <= sigma[:, 3:] * (1.0 + 1e-12)).all()
+    assert (corrected >= np.minimum(sigma[:, 3:], after.min()) * (1.0 - 1e-12)).all()
+    improved = corrected < sigma[:, 3:] - 1e-9
+    assert improved[1::3, :2].all(), "heights show roll and pitch"
+    assert improved[1::3, 2].all() == in_plan, "targets alone show the heading"
+
+
+def test_tilt__of_the_frame_is_as_uncertain_about_each_axis_as_roll_and_pitch_let_it_be() -> None:
+    """To the north, roll is a turn about north, pitch one about east."""
+    apart = replace(drive(sigma_h_m=10.0), sigma=np.tile([0.01, 0.01, 10.0, 0.2, 0.1, 0.05], (len(drive()), 1)))
+    for heading_deg, expected_deg in ((0.0, (0.1, 0.2)), (90.0, (0.2, 0.1)), (45.0, (0.1581, 0.1581))):
+        path = trajectory_from_attitude(apart.t_s, apart.xyz_m, 0.0, 0.0, heading_deg, max_gap_s=1.0)
+        model = error_model(replace(path, sigma=apart.sigma), CORNERS, held=True)
+        np.testing.assert_allclose(np.degrees(model.turn_sigma_rad[:2]), expected_deg, rtol=0.01)
