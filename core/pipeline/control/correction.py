@@ -88,7 +88,8 @@ def _attitude_sigma_deg(trajectory: Trajectory, before: FloatArray, after: Float
     share = np.stack([axes[:, :, 0], axes[:, :, 1], np.broadcast_to([0.0, 0.0, 1.0], axes[:, 0].shape)], axis=1) ** 2
     stated = np.radians(trajectory.sigma[:, 3:]) ** 2
     own = stated - share @ (before - after)
-    return np.degrees(np.sqrt(np.maximum(own, np.minimum(stated, share @ after))))
+    variance: FloatArray = np.maximum(own, np.minimum(stated, share @ after))
+    return np.degrees(np.sqrt(variance))
 
 
 def correction(
