@@ -240,7 +240,7 @@ class BoundedServer(ThreadingMixIn, TCPServer):
     allow_reuse_address = sys.platform != "win32"  # there it would let two programs listen
     request_queue_size = 128
     """Each of fifty readers asks for several tiles at once."""
-    timeout = 0.5
+    timeout = 0.1
     """Seconds after which the thread that accepts looks for connections that hang, and for its end."""
 
     def __init__(
@@ -290,7 +290,7 @@ class BoundedServer(ThreadingMixIn, TCPServer):
         super().shutdown_request(request)
 
     def service_actions(self) -> None:
-        """End connections that hang; about twice a second."""
+        """End connections that hang; about ten times a second."""
         super().service_actions()
         self._places.close_overdue()
         if self._further is not None:
