@@ -115,7 +115,7 @@ SAMPLES = (
         "live --json --from drive/session.toml --speed 0 --port {page} --nmea-port {nmea} --mqtt mqtt://127.0.0.1:{broker}",
         LIVE | {"broker": "the broker of `--mqtt`"},
     ),
-    Sample("record -o recorded --ports {scanner} --gnss tcp://127.0.0.1:{receiver} --duration 6", RECORD),
+    Sample("record -o recorded --ports {scanner} --gnss tcp://127.0.0.1:{receiver} --duration 3", RECORD),
     Sample("batch drive -o results --workers 2", {"uname": "`uname`"}),
     Sample("batch s3://season/in -o s3://season/out --workers 1", STORE, variables=AWS | KEYS),
     Sample(
