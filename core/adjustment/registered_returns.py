@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.banded import NormalEquations
-from furrowmap.core.adjustment.knots import Knots, Observation, State
+from furrowmap.core.adjustment.knots import KNOT_STEP_S, Knots, Observation, State
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel, kernel_part
@@ -266,27 +266,6 @@ def _factor(matrix, least):  # type: ignore[no-untyped-def]
             matrix[a, b] = np.sqrt(max(left, least)) if a == b else left / matrix[b, b]
 
 
-@kernel_part()
-def close_patches(slots, place, first, last, west, south):  # type: ignore[no-untyped-def]
-    """Free the slots of the rows from `first` to before `last`: another interval begins."""
-    for k in range(first, last):
-        slots[place[k, 2], place[k, 1] - south, place[k, 0] - west] = -1
-
-
-@kernel_part()
-def add_to_patch(early, late, right, k, row, weight, late_share, residual):  # type: ignore[no-untyped-def]
-    """Add one equation to the sums of row `k`."""
-    entry = 0
-    for a in range(6):
-        weighted = weight * row[a]
-        right[k, a] -= weighted * residual
-        for b in range(a, 6):
-            product = weighted * row[b]
-            early[k, entry] += (1.0 - late_share) * product
-            late[k, entry] += late_share * product
-            entry += 1
-
-
 class SliceSums(NamedTuple):
     """Normal equations of the poses of the slices between knots.
 
@@ -345,8 +324,65 @@ def _add_slices(size, band, right, linked, normal, slice_right):  # type: ignore
                     band[size + b - a, first + a] += quarter
 
 
-@kernel_part()
-def plane_row(row, nx, ny, nz, x, y, z):  # type: ignore[no-untyped-def]
+class PlaneEquation(NamedTuple):
+    """A return's equation: its distance from a plane, which the pose's movements change.
+
+    Attributes:
+        east: of the plane's unit normal, or of one scaled to have an upright part of 1.
+        north: the same.
+        up: the same.
+        weight: 1 / m².
+        residual_m: from a fixed reference.
+        residual_free_m: from a reference that moves with the poses.
+    """
+
+    east: float
+    north: float
+    up: float
+    weight: float
+    residual_m: float
+    residual_free_m: float
+
+
+# Inlined by numba, so that the arithmetic is that of the kernel which calls it.
+@kernel_part(inline="always")
+def add_equation(equation, t_s, x, y, z, layer, patch_m, poses, slices, patches, row):  # type: ignore[no-untyped-def]
+    """Add the equation of a return at a place to its slice and, where patches are wanted, to its patch.
+
+    Its derivatives are about the middle of the slice's two knots, and about the patch's centre at the local origin's
+    height. `poses` are as :class:`~furrowmap.core.matching.ground_registration.ChainPoses`, `row` (6,) is scratch.
+    """
+    position_m = poses.position_m
+    local = min(int((t_s - poses.begin_s) / KNOT_STEP_S), poses.knots - 2)
+    k = poses.first + local
+    qx = x - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
+    qy = y - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
+    qz = z - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
+    _plane_row(row, equation.east, equation.north, equation.up, qx, qy, qz)
+    _add_to_slice(
+        slices.normal, slices.right, slices.right_free, k, row, equation.weight, equation.residual_m,
+        equation.residual_free_m,
+    )  # fmt: skip
+    slices.returns[k] += 1
+    every = poses.coarse.every
+    if every > 0:
+        interval = local // every
+        late_share = (local + 0.5) / every - interval
+        px = int(np.floor(x / patch_m))
+        py = int(np.floor(y / patch_m))
+        p = _patch_row(patches, px, py, layer, interval, poses.coarse.first)
+        lx = x - (px + 0.5) * patch_m
+        ly = y - (py + 0.5) * patch_m
+        _plane_row(row, equation.east, equation.north, equation.up, lx, ly, z)
+        _add_to_patch(
+            patches.rows.early, patches.rows.late, patches.rows.right, p, row, equation.weight, late_share,
+            equation.residual_free_m,
+        )  # fmt: skip
+
+
+# Stated: a part without flags gets those of whichever kernel is compiled first.
+@kernel_part(error_model="numpy", fastmath={"contract", "nsz"})
+def _plane_row(row, nx, ny, nz, x, y, z):  # type: ignore[no-untyped-def]
     """Set `row` (6,) to (n, p × n): derivatives of a distance along n of a point at p from the pose's place."""
     row[0] = nx
     row[1] = ny
@@ -356,8 +392,8 @@ def plane_row(row, nx, ny, nz, x, y, z):  # type: ignore[no-untyped-def]
     row[5] = x * ny - y * nx
 
 
-@kernel_part()
-def add_to_slice(normal, right, right_free, k, row, weight, residual, residual_free):  # type: ignore[no-untyped-def]
+@kernel_part(error_model="numpy", fastmath={"contract", "nsz"})
+def _add_to_slice(normal, right, right_free, k, row, weight, residual, residual_free):  # type: ignore[no-untyped-def]
     """Add one equation to the sums of slice `k`."""
     entry = 0
     for a in range(6):
@@ -366,6 +402,48 @@ def add_to_slice(normal, right, right_free, k, row, weight, residual, residual_f
         right_free[k, a] -= weighted * residual_free
         for b in range(a, 6):
             normal[k, entry] += weighted * row[b]
+            entry += 1
+
+
+@kernel_part(inline="always")
+def _patch_row(patches, px, py, layer, interval, coarse_first):  # type: ignore[no-untyped-def]
+    """Row of a patch in an interval of the coarse knots, a new one if need be; a new interval frees all slots."""
+    progress = patches.progress
+    place = patches.rows.place
+    if interval != progress[3]:
+        _free_slots(patches.slots, place, progress[2], progress[1], patches.west, patches.south)
+        progress[2] = progress[1]
+        progress[3] = interval
+    row = patches.slots[layer, py - patches.south, px - patches.west]
+    if row < 0:
+        row = progress[1]
+        patches.slots[layer, py - patches.south, px - patches.west] = row
+        place[row, 0] = px
+        place[row, 1] = py
+        place[row, 2] = layer
+        patches.rows.interval[row] = coarse_first + interval
+        progress[1] += 1
+    return row
+
+
+@kernel_part()
+def _free_slots(slots, place, first, last, west, south):  # type: ignore[no-untyped-def]
+    """Free the slots of the rows from `first` to before `last`."""
+    for k in range(first, last):
+        slots[place[k, 2], place[k, 1] - south, place[k, 0] - west] = -1
+
+
+@kernel_part(error_model="numpy", fastmath={"contract", "nsz"})
+def _add_to_patch(early, late, right, k, row, weight, late_share, residual):  # type: ignore[no-untyped-def]
+    """Add one equation to the sums of row `k`."""
+    entry = 0
+    for a in range(6):
+        weighted = weight * row[a]
+        right[k, a] -= weighted * residual
+        for b in range(a, 6):
+            product = weighted * row[b]
+            early[k, entry] += (1.0 - late_share) * product
+            late[k, entry] += late_share * product
             entry += 1
 
 

@@ -14,19 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.coarse import CoarseGrid
-from furrowmap.core.adjustment.knots import KNOT_STEP_S, Chain
+from furrowmap.core.adjustment.knots import Chain
 from furrowmap.core.adjustment.registered_returns import (
     Patches,
     PatchRows,
+    PlaneEquation,
     SliceSums,
-    add_to_patch,
-    add_to_slice,
-    close_patches,
-    plane_row,
+    add_equation,
 )
-from furrowmap.core.matching.height_grid import TILE_BITS, TILE_NODES, HeightGrid
+from furrowmap.core.matching.height_grid import (
+    Corners,
+    HeightGrid,
+    cell_at,
+    corners,
+    corners_from_ne,
+    least,
+    nodes_round,
+)
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel, kernel_part
+from furrowmap.core.runtime.kernels import kernel_part
 
 NOISE_M: Final = 0.012
 """Standard deviation of a return's height against a surface: range noise, and relief finer than the cells."""
@@ -150,171 +156,127 @@ def register_ground(
     coarse = poses.coarse
     patched = placed.xyz_m[: len(placed.t_s) if coarse.every else 0]
     patches = PatchRows.over(patched, coarse.patch_m, 1024 if coarse.every else 0)
+    row = np.empty(6)
     while patches.progress[0] < len(placed.t_s):
-        _register(placed, surface, poses, relief, share, sums, patches)
+        _register(placed, surface, poses, relief, share, sums, patches, row)
         if patches.full:
             patches = patches.longer()
     return patches.filled()
 
 
-@kernel(error_model="numpy", fastmath={"contract", "nsz"})
-def _register(placed, surface, poses, relief, share, sums, patches):  # type: ignore[no-untyped-def]
-    """Register returns from the next one on, until all are or another patch would have no room."""
-    # Arrays are taken out of the tuples before the loop: numba counts a reference each time that it takes one.
-    t_s = placed.t_s
-    xyz_m = placed.xyz_m
-    layer = placed.layer
-    half = placed.half
-    robust = placed.weight
-    height_m = surface.height_m
-    weight = surface.weight
-    tiles = surface.tiles
-    number = tiles.number
-    rows, columns = number.shape
-    position_m = poses.position_m
-    every = poses.coarse.every
-    patch_m = poses.coarse.patch_m
-    normal = sums.slices.normal
-    right = sums.slices.right
-    right_free = sums.slices.right_free
-    used = sums.slices.returns
-    tally = sums.tally
-    slots = patches.slots
-    place = patches.rows.place
-    interval_of = patches.rows.interval
-    early = patches.rows.early
-    late = patches.rows.late
-    pull = patches.rows.right
-    progress = patches.progress
-    begin = progress[0]
-    filled = progress[1]
-    opened = progress[2]
-    now = progress[3]
-    n = len(t_s)
-    progress[0] = n
-    variance = NOISE_M * NOISE_M
-    per_cell = 1.0 / tiles.cell_m
-    node = np.empty((2, 4))
-    full = np.empty((2, 4))
-    mean = np.empty(4)
-    row6 = np.empty(6)
-    for i in range(begin, n):
-        if every > 0 and filled == len(interval_of):
-            progress[0] = i
+@kernel_part(error_model="numpy", fastmath={"contract", "nsz"})
+def _register(placed, surface, poses, relief, share, sums, patches, row):  # type: ignore[no-untyped-def]
+    """Register returns from the next one on, until all are or another patch would have no room; `row` (6,) is scratch.
+
+    The residual is against the other half's surface; with surfaces that move along, against that of both halves.
+    """
+    per_cell = 1.0 / surface.tiles.cell_m
+    begin = patches.progress[0]
+    patches.progress[0] = len(placed.t_s)
+    for i in range(begin, len(placed.t_s)):
+        if poses.coarse.every > 0 and patches.progress[1] == len(patches.rows.interval):
+            patches.progress[0] = i
             break
-        robust[i] = 255
-        if layer[i] < 0:
+        placed.weight[i] = 255
+        layer = placed.layer[i]
+        if layer < 0:
             continue
-        u = xyz_m[i, 0] * per_cell
-        s = xyz_m[i, 1] * per_cell
-        x = int(np.floor(u))
-        y = int(np.floor(s))
-        u -= x
-        s -= y
-        other = 2 * layer[i] + 1 - half[i]
-        own = 2 * layer[i] + half[i]
-        least = least_own = 1e9
-        for c in range(4):
-            p = y + c // 2
-            q = x + c % 2
-            row = (p >> TILE_BITS) - tiles.south
-            column = (q >> TILE_BITS) - tiles.west
-            tile = -1
-            if 0 <= row < rows and 0 <= column < columns:
-                tile = number[row, column]
-            if tile < 0:
-                least = 0.0
-                break
-            p = p & TILE_NODES - 1
-            q = q & TILE_NODES - 1
-            full[0, c] = weight[tile, other, p, q]
-            full[1, c] = weight[tile, own, p, q]
-            node[0, c] = height_m[tile, other, p, q]
-            node[1, c] = height_m[tile, own, p, q]
-            least = min(least, full[0, c])
-            least_own = min(least_own, full[1, c])
-        if least < MIN_NODE_RETURNS:
+        east_m = placed.xyz_m[i, 0]
+        north_m = placed.xyz_m[i, 1]
+        up_m = placed.xyz_m[i, 2]
+        x, y, u, s = cell_at(east_m * per_cell, north_m * per_cell)
+        nodes, known = nodes_round(surface.tiles, x, y)
+        if not known:
             continue
-        a0 = 1.0 - u
-        a1 = u
-        b0 = 1.0 - s
-        b1 = s
-        ground = b0 * (a0 * node[0, 0] + a1 * node[0, 1]) + b1 * (a0 * node[0, 2] + a1 * node[0, 3])
-        residual = xyz_m[i, 2] - ground
-        i0 = 1.0 / full[0, 0]
-        i1 = 1.0 / full[0, 1]
-        i2 = 1.0 / full[0, 2]
-        i3 = 1.0 / full[0, 3]
-        spread = variance * (1.0 + max(max(i0, i1), max(i2, i3)))
-        certain = 1.0 / spread
-        normalised = np.sqrt(residual * residual * certain)
+        other = 2 * layer + 1 - placed.half[i]
+        own = 2 * layer + placed.half[i]
+        # Rounding depends on the order of loading here and below; see corners_from_ne.
+        count = corners_from_ne(surface.weight, nodes, other)
+        if least(count) < MIN_NODE_RETURNS:
+            continue
+        height_m = corners(surface.height_m, nodes, other)
+        height_own_m = corners_from_ne(surface.height_m, nodes, own)
+        count_own = corners(surface.weight, nodes, own)
+
+        residual_m = up_m - _bilinear(height_m, u, s)
+        variance = residual_variance(least(count))
+        certain = 1.0 / variance
+        normalised = np.sqrt(residual_m * residual_m * certain)
         if normalised > GROUND_GATE:
-            robust[i] = 0
+            placed.weight[i] = 0
             continue
-        slope_x = (b0 * (node[0, 1] - node[0, 0]) + b1 * (node[0, 3] - node[0, 2])) * per_cell
-        slope_y = (a0 * (node[0, 2] - node[0, 0]) + a1 * (node[0, 3] - node[0, 1])) * per_cell
-        scale = variance * per_cell * per_cell
-        noise_x = scale * (b0 * b0 * (i0 + i1) + b1 * b1 * (i2 + i3))
-        noise_y = scale * (a0 * a0 * (i0 + i2) + a1 * a1 * (i1 + i3))
+        slope_x, slope_y = _slopes(height_m, u, s, per_cell)
+        noise_x, noise_y = _slope_variances(count, u, s, per_cell)
         true_x = 1.0 / (relief.variance + relief.noise * noise_x)
         true_y = 1.0 / (relief.variance + relief.noise * noise_y)
-        tally[4] += 1
-        tally[5] += min(normalised, MATCHING_HUBER) ** 2 * spread
-        if normalised < 3.0 and least_own >= MIN_NODE_RETURNS:
-            again_x = (b0 * (node[1, 1] - node[1, 0]) + b1 * (node[1, 3] - node[1, 2])) * per_cell
-            again_y = (a0 * (node[1, 2] - node[1, 0]) + a1 * (node[1, 3] - node[1, 1])) * per_cell
+        sums.tally[4] += 1
+        sums.tally[5] += min(normalised, MATCHING_HUBER) ** 2 * variance
+        if normalised < 3.0 and least(count_own) >= MIN_NODE_RETURNS:
+            again_x, again_y = _slopes(height_own_m, u, s, per_cell)
             steep_x = max(slope_x * slope_x, again_x * again_x) * true_x
             steep_y = max(slope_y * slope_y, again_y * again_y) * true_y
             counts = _counts(np.sqrt(max(steep_x, steep_y)), relief.trim)
-            tally[0] += counts * 0.5 * (slope_x * again_x + slope_y * again_y)
-            tally[1] += counts * 0.5 * (slope_x * slope_x + slope_y * slope_y)
-            tally[2] += counts
-            tally[3] += counts * 0.5 * (noise_x + noise_y)
+            sums.tally[0] += counts * 0.5 * (slope_x * again_x + slope_y * again_y)
+            sums.tally[1] += counts * 0.5 * (slope_x * slope_x + slope_y * slope_y)
+            sums.tally[2] += counts
+            sums.tally[3] += counts * 0.5 * (noise_x + noise_y)
         slope_x *= relief.variance * true_x
         slope_y *= relief.variance * true_y
-        w = share / CORRELATED * certain
+        weight = share / CORRELATED * certain
         if normalised > MATCHING_HUBER:
-            w *= MATCHING_HUBER / normalised
-            robust[i] = np.uint8(255.0 * MATCHING_HUBER / normalised)
-        for c in range(4):
-            mean[c] = (full[0, c] * node[0, c] + full[1, c] * node[1, c]) / (full[0, c] + full[1, c])
-        residual_free = xyz_m[i, 2] - (b0 * (a0 * mean[0] + a1 * mean[1]) + b1 * (a0 * mean[2] + a1 * mean[3]))
+            weight *= MATCHING_HUBER / normalised
+            placed.weight[i] = np.uint8(255.0 * MATCHING_HUBER / normalised)
+        residual_free_m = up_m - _bilinear(_mean(height_m, count, height_own_m, count_own), u, s)
+        equation = PlaneEquation(-slope_x, -slope_y, 1.0, weight, residual_m, residual_free_m)
+        patch_m = poses.coarse.patch_m
+        add_equation(equation, placed.t_s[i], east_m, north_m, up_m, layer, patch_m, poses, sums.slices, patches, row)
 
-        local = min(int((t_s[i] - poses.begin_s) / KNOT_STEP_S), poses.knots - 2)
-        k = poses.first + local
-        qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
-        qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
-        qz = xyz_m[i, 2] - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
-        plane_row(row6, -slope_x, -slope_y, 1.0, qx, qy, qz)
-        add_to_slice(normal, right, right_free, k, row6, w, residual, residual_free)
-        used[k] += 1
 
-        if every == 0:
-            continue
-        interval = local // every
-        late_share = (local + 0.5) / every - interval
-        if interval != now:
-            close_patches(slots, place, opened, filled, patches.west, patches.south)
-            now = interval
-            opened = filled
-        px = int(np.floor(xyz_m[i, 0] / patch_m))
-        py = int(np.floor(xyz_m[i, 1] / patch_m))
-        c = slots[layer[i], py - patches.south, px - patches.west]
-        if c < 0:
-            c = slots[layer[i], py - patches.south, px - patches.west] = filled
-            place[c, 0] = px
-            place[c, 1] = py
-            place[c, 2] = layer[i]
-            interval_of[c] = poses.coarse.first + interval
-            filled += 1
-        lx = xyz_m[i, 0] - (px + 0.5) * patch_m
-        ly = xyz_m[i, 1] - (py + 0.5) * patch_m
-        lz = xyz_m[i, 2]
-        plane_row(row6, -slope_x, -slope_y, 1.0, lx, ly, lz)
-        add_to_patch(early, late, pull, c, row6, w, late_share, residual_free)
-    progress[1] = filled
-    progress[2] = opened
-    progress[3] = now
+# Inlined by numba, so that the arithmetic is that of the kernel which calls them.
+@kernel_part(inline="always")
+def residual_variance(count):  # type: ignore[no-untyped-def]
+    """Variance of a residual in m²: σ² (1 + 1 / n), with n the returns in the poorest of the nodes."""
+    return NOISE_M * NOISE_M * (1.0 + 1.0 / count)
+
+
+@kernel_part(inline="always")
+def _bilinear(height_m, u, s):  # type: ignore[no-untyped-def]
+    """The surface S(u, s) = (1 − s) ((1 − u) h_sw + u h_se) + s ((1 − u) h_nw + u h_ne)."""
+    south = (1.0 - u) * height_m.sw + u * height_m.se
+    north = (1.0 - u) * height_m.nw + u * height_m.ne
+    return (1.0 - s) * south + s * north
+
+
+@kernel_part(inline="always")
+def _slopes(height_m, u, s, per_cell):  # type: ignore[no-untyped-def]
+    """∂S/∂x and ∂S/∂y of the bilinear surface."""
+    slope_x = ((1.0 - s) * (height_m.se - height_m.sw) + s * (height_m.ne - height_m.nw)) * per_cell
+    slope_y = ((1.0 - u) * (height_m.nw - height_m.sw) + u * (height_m.ne - height_m.se)) * per_cell
+    return slope_x, slope_y
+
+
+@kernel_part(inline="always")
+def _slope_variances(count, u, s, per_cell):  # type: ignore[no-untyped-def]
+    """Variances of both slopes, which are linear in heights of variance σ² / n."""
+    scale = NOISE_M * NOISE_M * per_cell * per_cell
+    sw = 1.0 / count.sw
+    se = 1.0 / count.se
+    nw = 1.0 / count.nw
+    ne = 1.0 / count.ne
+    noise_x = scale * ((1.0 - s) * (1.0 - s) * (sw + se) + s * s * (nw + ne))
+    noise_y = scale * ((1.0 - u) * (1.0 - u) * (sw + nw) + u * u * (se + ne))
+    return noise_x, noise_y
+
+
+@kernel_part(inline="always")
+def _mean(height_m, count, height_own_m, count_own):  # type: ignore[no-untyped-def]
+    """Heights of both halves together: (n h + n' h') / (n + n')."""
+    return Corners(
+        (count.sw * height_m.sw + count_own.sw * height_own_m.sw) / (count.sw + count_own.sw),
+        (count.se * height_m.se + count_own.se * height_own_m.se) / (count.se + count_own.se),
+        (count.nw * height_m.nw + count_own.nw * height_own_m.nw) / (count.nw + count_own.nw),
+        (count.ne * height_m.ne + count_own.ne * height_own_m.ne) / (count.ne + count_own.ne),
+    )
 
 
 @kernel_part()

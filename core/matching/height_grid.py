@@ -6,7 +6,6 @@ either half of the scans are matched to the other half's surface, so that no ret
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel, kernel_part
 from furrowmap.core.values.extents import bounds
 
 TILE_BITS: Final = 5
@@ -60,8 +59,16 @@ class HeightGrid(NamedTuple):
     weight: NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class TilePassage:
+class Corners(NamedTuple):
+    """Values at the four nodes round a cell: in the south-west, south-east, north-west and north-east."""
+
+    sw: float
+    se: float
+    nw: float
+    ne: float
+
+
+class TilePassage(NamedTuple):
     """When the implement's line passed each cell.
 
     Attributes:
@@ -131,12 +138,9 @@ def layers(t_s: FloatArray, en_m: FloatArray, passage: TilePassage | None, guard
         passage: None where no implement works.
         guard_s: returns this near to a passage belong to no layer.
     """
-    if passage is None:
-        return np.zeros(len(t_s), np.int8)
-    tiles = passage.tiles
-    out: NDArray[np.int8] = _layers(
-        t_s, en_m, guard_s, tiles.cell_m, tiles.west, tiles.south, tiles.number, passage.first_s, passage.last_s
-    )
+    out = np.zeros(len(t_s), np.int8)
+    if passage is not None:
+        _layers(t_s, en_m, guard_s, passage, out)
     return out
 
 
@@ -163,11 +167,7 @@ def add_returns(
         half: (n,) 0 or 1.
         return_weight: (n,) weight, 255 for a whole return.
     """
-    tiles = surface.tiles
-    _add(
-        xyz_m, layer, half, return_weight, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m,
-        surface.weight,
-    )  # fmt: skip
+    _add(surface, xyz_m, layer, half, return_weight)
 
 
 def joined(parts: Sequence[HeightGrid]) -> HeightGrid:
@@ -191,11 +191,71 @@ def heights(surface: HeightGrid, en_m: FloatArray, layer: NDArray[np.int8]) -> F
         en_m: (n, 2) or (n, 3) where.
         layer: (n,) see :func:`layers`.
     """
-    tiles = surface.tiles
-    out: FloatArray = _heights(
-        en_m, layer, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight
-    )
+    out = np.full(len(en_m), np.nan)
+    _heights(surface, en_m, layer, out)
     return out
+
+
+# Inlined by numba, as to pass tuples of arrays on would take longer than the parts.
+@kernel_part(inline="always")
+def cell_at(u, s):  # type: ignore[no-untyped-def]
+    """Column and row of the node south-west of a place in steps of the nodes, and the place against that node."""
+    x = int(np.floor(u))
+    y = int(np.floor(s))
+    return x, y, u - x, s - y
+
+
+@kernel_part(inline="always")
+def node_at(tiles, x, y):  # type: ignore[no-untyped-def]
+    """Tile of the node in column `x`, row `y`, −1 where there is none; its row and column in the tile."""
+    row = (y >> TILE_BITS) - tiles.south
+    column = (x >> TILE_BITS) - tiles.west
+    rows, columns = tiles.number.shape
+    tile = -1
+    if 0 <= row < rows and 0 <= column < columns:
+        tile = tiles.number[row, column]
+    return tile, y & TILE_NODES - 1, x & TILE_NODES - 1
+
+
+@kernel_part(inline="always")
+def nodes_round(tiles, x, y):  # type: ignore[no-untyped-def]
+    """The four nodes round a cell, in the order of :class:`Corners`, and whether all are there."""
+    sw = node_at(tiles, x, y)
+    se = node_at(tiles, x + 1, y)
+    nw = node_at(tiles, x, y + 1)
+    ne = node_at(tiles, x + 1, y + 1)
+    return (sw, se, nw, ne), min(min(sw[0], se[0]), min(nw[0], ne[0])) >= 0
+
+
+@kernel_part(inline="always")
+def corners(values, nodes, sheet):  # type: ignore[no-untyped-def]
+    """Values (tiles, 4, 32, 32) of one sheet at four nodes."""
+    sw, se, nw, ne = nodes
+    return Corners(
+        np.float64(values[sw[0], sheet, sw[1], sw[2]]),
+        np.float64(values[se[0], sheet, se[1], se[2]]),
+        np.float64(values[nw[0], sheet, nw[1], nw[2]]),
+        np.float64(values[ne[0], sheet, ne[1], ne[2]]),
+    )
+
+
+@kernel_part(inline="always")
+def corners_from_ne(values, nodes, sheet):  # type: ignore[no-untyped-def]
+    """The same, loaded from the last node on: LLVM fuses that product with a sum whose factors were loaded earlier."""
+    sw, se, nw, ne = nodes
+    north_east = np.float64(values[ne[0], sheet, ne[1], ne[2]])
+    return Corners(
+        np.float64(values[sw[0], sheet, sw[1], sw[2]]),
+        np.float64(values[se[0], sheet, se[1], se[2]]),
+        np.float64(values[nw[0], sheet, nw[1], nw[2]]),
+        north_east,
+    )
+
+
+@kernel_part(inline="always")
+def least(values):  # type: ignore[no-untyped-def]
+    """The least of the values at four nodes."""
+    return min(min(values.sw, values.se), min(values.nw, values.ne))
 
 
 @kernel()
@@ -238,89 +298,61 @@ def _sweep(t_s, en_m, left, half_m, cell_m, west, south, number, first, last):  
             last[tile, a, b] = max(last[tile, a, b], t_s[i])
 
 
-@kernel()
-def _layers(t_s, en_m, guard_s, cell_m, west, south, number, first, last):  # type: ignore[no-untyped-def]
-    out = np.zeros(len(t_s), np.int8)
-    rows, columns = number.shape
+@kernel_part()
+def _layers(t_s, en_m, guard_s, passage, out):  # type: ignore[no-untyped-def]
+    tiles = passage.tiles
     for i in range(len(t_s)):
-        x = int(np.floor(en_m[i, 0] / cell_m))
-        y = int(np.floor(en_m[i, 1] / cell_m))
-        row = (y >> TILE_BITS) - south
-        column = (x >> TILE_BITS) - west
-        if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
-            continue
-        tile = number[row, column]
-        a = y & TILE_NODES - 1
-        b = x & TILE_NODES - 1
-        if t_s[i] < first[tile, a, b] - guard_s:
+        x = int(np.floor(en_m[i, 0] / tiles.cell_m))
+        y = int(np.floor(en_m[i, 1] / tiles.cell_m))
+        tile, p, q = node_at(tiles, x, y)
+        if tile < 0 or t_s[i] < passage.first_s[tile, p, q] - guard_s:
             out[i] = 0
-        elif t_s[i] > last[tile, a, b] + guard_s:
+        elif t_s[i] > passage.last_s[tile, p, q] + guard_s:
             out[i] = 1
         else:
             out[i] = -1
-    return out
 
 
-@kernel()
-def _add(xyz_m, layer, half, return_weight, cell_m, west, south, number, height, weight):  # type: ignore[no-untyped-def]
-    rows, columns = number.shape
+@kernel_part()
+def _add(surface, xyz_m, layer, half, return_weight):  # type: ignore[no-untyped-def]
+    cell_m = surface.tiles.cell_m
+    weight = surface.weight
+    height = surface.height_m
     for i in range(len(xyz_m)):
         if layer[i] < 0 or return_weight[i] == 0:
             continue
         whole = return_weight[i] / 255.0
-        u = xyz_m[i, 0] / cell_m
-        s = xyz_m[i, 1] / cell_m
-        x = int(np.floor(u))
-        y = int(np.floor(s))
-        u -= x
-        s -= y
+        x, y, u, s = cell_at(xyz_m[i, 0] / cell_m, xyz_m[i, 1] / cell_m)
         sheet = 2 * layer[i] + half[i]
         for a in range(2):
             for b in range(2):
-                row = ((y + b) >> TILE_BITS) - south
-                column = ((x + a) >> TILE_BITS) - west
-                if not (0 <= row < rows and 0 <= column < columns):
-                    continue
-                tile = number[row, column]
+                tile, p, q = node_at(surface.tiles, x + a, y + b)
                 share = whole * (u if a else 1.0 - u) * (s if b else 1.0 - s)
                 if tile < 0 or share <= 0.0:
                     continue
-                p = (y + b) & TILE_NODES - 1
-                q = (x + a) & TILE_NODES - 1
                 weight[tile, sheet, p, q] += share
                 height[tile, sheet, p, q] += (
                     share / weight[tile, sheet, p, q] * (xyz_m[i, 2] - height[tile, sheet, p, q])
                 )
 
 
-@kernel()
-def _heights(en_m, layer, cell_m, west, south, number, height, weight):  # type: ignore[no-untyped-def]
-    out = np.full(len(en_m), np.nan)
-    rows, columns = number.shape
+@kernel_part()
+def _heights(surface, en_m, layer, out):  # type: ignore[no-untyped-def]
+    cell_m = surface.tiles.cell_m
     for i in range(len(en_m)):
         if layer[i] < 0:
             continue
-        u = en_m[i, 0] / cell_m
-        s = en_m[i, 1] / cell_m
-        x = int(np.floor(u))
-        y = int(np.floor(s))
-        u -= x
-        s -= y
+        x, y, u, s = cell_at(en_m[i, 0] / cell_m, en_m[i, 1] / cell_m)
         whole = total = 0.0
         for a in range(2):
             for b in range(2):
-                row = ((y + b) >> TILE_BITS) - south
-                column = ((x + a) >> TILE_BITS) - west
-                if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
+                tile, p, q = node_at(surface.tiles, x + a, y + b)
+                if tile < 0:
                     continue
-                tile = number[row, column]
-                p = (y + b) & TILE_NODES - 1
-                q = (x + a) & TILE_NODES - 1
                 share = (u if a else 1.0 - u) * (s if b else 1.0 - s)
                 for half in range(2):
-                    sheet = 2 * layer[i] + half
-                    whole += share * weight[tile, sheet, p, q]
-                    total += share * weight[tile, sheet, p, q] * height[tile, sheet, p, q]
+                    weight = share * surface.weight[tile, 2 * layer[i] + half, p, q]
+                    whole += weight
+                    total += weight * surface.height_m[tile, 2 * layer[i] + half, p, q]
         if whole >= MIN_KNOWN_RETURNS:
             out[i] = total / whole
-    return out

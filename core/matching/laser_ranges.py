@@ -25,15 +25,15 @@ from furrowmap.core.matching.ground_registration import (
     GROUND_GATE,
     MATCHING_HUBER,
     MIN_NODE_RETURNS,
-    NOISE_M,
+    residual_variance,
 )
-from furrowmap.core.matching.height_grid import TILE_BITS, TILE_NODES
+from furrowmap.core.matching.height_grid import cell_at, node_at
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import THREADS, Portion, blocks, shares
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.session_registration import session_surface
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import kernel_part
 from furrowmap.core.values.scan import MAX_LASERS, LaserRanges
 
 LASER_CELL_M: Final = 0.15
@@ -107,46 +107,29 @@ def ranges_of(sums: FloatArray) -> LaserRanges | None:
     return LaserRanges(offset, sigma)
 
 
-@kernel()
+@kernel_part()
 def _sum(placed, laser, surface, sensor_m, axis, sums):  # type: ignore[no-untyped-def]
     """Add placed returns to the sums (4, MAX_LASERS) of their lasers, each against the other half's surface."""
     xyz_m = placed.xyz_m
-    layer = placed.layer
-    half = placed.half
-    height_m = surface.height_m
-    weight = surface.weight
-    tiles = surface.tiles
-    number = tiles.number
-    rows, columns = number.shape
+    cell_m = surface.tiles.cell_m
     for i in range(len(xyz_m)):
-        if layer[i] < 0:
+        if placed.layer[i] < 0:
             continue
-        u = xyz_m[i, 0] / tiles.cell_m
-        s = xyz_m[i, 1] / tiles.cell_m
-        x = int(np.floor(u))
-        y = int(np.floor(s))
-        u -= x
-        s -= y
-        other = 2 * layer[i] + 1 - half[i]
+        x, y, u, s = cell_at(xyz_m[i, 0] / cell_m, xyz_m[i, 1] / cell_m)
+        other = 2 * placed.layer[i] + 1 - placed.half[i]
         ground = 0.0
         least = np.inf
         for c in range(4):
-            p = y + c // 2
-            q = x + c % 2
-            row = (p >> TILE_BITS) - tiles.south
-            column = (q >> TILE_BITS) - tiles.west
-            if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
+            tile, p, q = node_at(surface.tiles, x + c % 2, y + c // 2)
+            if tile < 0:
                 least = 0.0
                 break
-            tile = number[row, column]
-            p = p & TILE_NODES - 1
-            q = q & TILE_NODES - 1
-            least = min(least, weight[tile, other, p, q])
-            ground += (s if c // 2 else 1.0 - s) * (u if c % 2 else 1.0 - u) * height_m[tile, other, p, q]
+            least = min(least, surface.weight[tile, other, p, q])
+            ground += (s if c // 2 else 1.0 - s) * (u if c % 2 else 1.0 - u) * surface.height_m[tile, other, p, q]
         if least < MIN_NODE_RETURNS:
             continue
         residual = xyz_m[i, 2] - ground
-        variance = NOISE_M * NOISE_M * (1.0 + 1.0 / least)
+        variance = residual_variance(least)
         normalised = abs(residual) / np.sqrt(variance)
         if normalised > GROUND_GATE:
             continue

@@ -15,18 +15,15 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.knots import KNOT_STEP_S
 from furrowmap.core.adjustment.registered_returns import (
     Patches,
     PatchRows,
+    PlaneEquation,
     SliceSums,
-    add_to_patch,
-    add_to_slice,
-    close_patches,
-    plane_row,
+    add_equation,
 )
 from furrowmap.core.matching.ground_registration import ChainPoses
-from furrowmap.core.matching.height_grid import TILE_BITS, TILE_NODES, Tiles, tiles_over
+from furrowmap.core.matching.height_grid import TILE_NODES, Tiles, node_at, tiles_over
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel, kernel_part
 
@@ -225,8 +222,9 @@ def register_walls(
     groups = Groups(np.full(2 * len(walls.line), -1), np.zeros((2 * len(walls.line), 3)), np.zeros(5))
     patched = placed.xyz_m[: len(placed.t_s) if coarse.every else 0]
     patches = PatchRows.over(patched, WALL_PATCH_M, 64 if coarse.every else 0)
+    row = np.empty(6)
     while patches.progress[0] < len(placed.t_s):
-        _register(placed, walls, poses, correlated, share, sums, groups, patches)
+        _register(placed, walls, poses, correlated, share, sums, groups, patches, row)
         if patches.full:
             patches = patches.longer()
     for of in range(len(groups.second)):
@@ -272,50 +270,37 @@ def select_upright(  # type: ignore[no-untyped-def]
     return (times[:kept], out[:kept], lasers[:kept]), candidates
 
 
-@kernel()
+@kernel_part()
 def _number(xyz_m, tiles, number, count):  # type: ignore[no-untyped-def]
     """Number the columns in which points are, from `count` on; returns how many there are then."""
-    tile_number = tiles.number
-    rows, columns = tile_number.shape
     for i in range(len(xyz_m)):
         x = int(np.floor(xyz_m[i, 0] / tiles.cell_m))
         y = int(np.floor(xyz_m[i, 1] / tiles.cell_m))
-        row = (y >> TILE_BITS) - tiles.south
-        column = (x >> TILE_BITS) - tiles.west
-        if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
-            continue
-        tile = tile_number[row, column]
-        if number[tile, y & TILE_NODES - 1, x & TILE_NODES - 1] < 0:
-            number[tile, y & TILE_NODES - 1, x & TILE_NODES - 1] = count
+        tile, p, q = node_at(tiles, x, y)
+        if tile >= 0 and number[tile, p, q] < 0:
+            number[tile, p, q] = count
             count += 1
     return count
 
 
 @kernel_part()
-def _column(e, n, tiles, tile_number, number):  # type: ignore[no-untyped-def]
+def _column(e, n, tiles, number):  # type: ignore[no-untyped-def]
     """Number of the column at a place, −1 where there is none, and the place against its centre."""
     x = int(np.floor(e / tiles.cell_m))
     y = int(np.floor(n / tiles.cell_m))
-    row = (y >> TILE_BITS) - tiles.south
-    column = (x >> TILE_BITS) - tiles.west
-    rows, columns = tile_number.shape
-    if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
+    tile, p, q = node_at(tiles, x, y)
+    if tile < 0:
         return -1, 0.0, 0.0
-    found = number[tile_number[row, column], y & TILE_NODES - 1, x & TILE_NODES - 1]
-    return found, e - (x + 0.5) * tiles.cell_m, n - (y + 0.5) * tiles.cell_m
+    return number[tile, p, q], e - (x + 0.5) * tiles.cell_m, n - (y + 0.5) * tiles.cell_m
 
 
-@kernel()
+@kernel_part()
 def _add(xyz_m, half, columns):  # type: ignore[no-untyped-def]
-    tiles = columns.tiles
-    tile_number = tiles.number
-    number = columns.number
-    sums = columns.sums
     for i in range(len(xyz_m)):
-        c, e, n = _column(xyz_m[i, 0], xyz_m[i, 1], tiles, tile_number, number)
+        c, e, n = _column(xyz_m[i, 0], xyz_m[i, 1], columns.tiles, columns.number)
         if c < 0:
             continue
-        s = sums[c, half[i]]
+        s = columns.sums[c, half[i]]
         s[0] += 1.0
         s[1] += e
         s[2] += n
@@ -363,108 +348,57 @@ def _fit(sums):  # type: ignore[no-untyped-def]
     return out
 
 
-@kernel(error_model="numpy")
-def _register(placed, walls, poses, correlated, share, sums, groups, patches):  # type: ignore[no-untyped-def]
-    """Register returns from the next one on, until all are or another patch would have no room."""
-    # Arrays are taken out of the tuples before the loop: numba counts a reference each time that it takes one.
-    t_s = placed.t_s
-    xyz_m = placed.xyz_m
-    half = placed.half
-    line = walls.line
-    tiles = walls.columns.tiles
-    tile_number = tiles.number
-    number = walls.columns.number
-    position_m = poses.position_m
-    every = poses.coarse.every
-    normal = sums.normal
-    right = sums.right
-    right_free = sums.right_free
-    used = sums.returns
-    second = groups.second
-    group_sums = groups.sums
-    tally = groups.tally
-    slots = patches.slots
-    place = patches.rows.place
-    interval_of = patches.rows.interval
-    early = patches.rows.early
-    late = patches.rows.late
-    pull = patches.rows.right
-    progress = patches.progress
-    begin = progress[0]
-    filled = progress[1]
-    opened = progress[2]
-    interval_now = progress[3]
-    n = len(t_s)
-    progress[0] = n
-    row6 = np.empty(6)
-    for i in range(begin, n):
-        if every > 0 and filled == len(interval_of):
-            progress[0] = i
+@kernel_part(error_model="numpy")
+def _register(placed, walls, poses, correlated, share, sums, groups, patches, row):  # type: ignore[no-untyped-def]
+    """Register returns from the next one on, until all are or another patch would have no room; `row` (6,) is scratch.
+
+    The residual is against the other half's line; with walls that move along, half-way to the own half's, along the
+    other's normal.
+    """
+    begin = patches.progress[0]
+    patches.progress[0] = len(placed.t_s)
+    for i in range(begin, len(placed.t_s)):
+        if poses.coarse.every > 0 and patches.progress[1] == len(patches.rows.interval):
+            patches.progress[0] = i
             break
-        c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], tiles, tile_number, number)
+        t_s = placed.t_s[i]
+        east_m = placed.xyz_m[i, 0]
+        north_m = placed.xyz_m[i, 1]
+        c, e, n = _column(east_m, north_m, walls.columns.tiles, walls.columns.number)
         if c < 0:
             continue
-        other = line[c, 1 - half[i]]
-        own = line[c, half[i]]
-        if not (np.isfinite(other[4]) and np.isfinite(own[4])):
-            continue
+        other = walls.line[c, 1 - placed.half[i]]
+        own = walls.line[c, placed.half[i]]
         variance = other[4]
-        residual = other[2] * (e - other[0]) + other[3] * (north - other[1])
-        normalised = abs(residual) / np.sqrt(variance)
-        if normalised > WALL_GATE:
+        if not (np.isfinite(variance) and np.isfinite(own[4])):
             continue
-        # Against both halves' line, along the other half's normal.
-        residual_free = residual - 0.5 * (other[2] * (own[0] - other[0]) + other[3] * (own[1] - other[1]))
-        w = share / (variance * correlated)
-        if normalised > WALL_HUBER:
-            w *= WALL_HUBER / normalised
-        tally[3] += 1.0
-        tally[4] += min(normalised, WALL_HUBER) ** 2 * variance
-        now = int((t_s[i] - poses.begin_s) / GROUP_S)
-        of = 2 * c + half[i]
-        if now != second[of]:
-            _close(group_sums, of, tally)
-            second[of] = now
-        signed = min(max(residual / np.sqrt(variance), -WALL_HUBER), WALL_HUBER)
-        group_sums[of, 0] += 1.0
-        group_sums[of, 1] += signed
-        group_sums[of, 2] += signed * signed
-
-        local = min(int((t_s[i] - poses.begin_s) / KNOT_STEP_S), poses.knots - 2)
-        k = poses.first + local
-        qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
-        qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
-        qz = xyz_m[i, 2] - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
-        plane_row(row6, other[2], other[3], 0.0, qx, qy, qz)
-        add_to_slice(normal, right, right_free, k, row6, w, residual, residual_free)
-        used[k] += 1
-
-        if every == 0:
+        residual_m = other[2] * (e - other[0]) + other[3] * (n - other[1])
+        normalised = residual_m / np.sqrt(variance)
+        if abs(normalised) > WALL_GATE:
             continue
-        interval = local // every
-        late_share = (local + 0.5) / every - interval
-        if interval != interval_now:
-            close_patches(slots, place, opened, filled, patches.west, patches.south)
-            interval_now = interval
-            opened = filled
-        px = int(np.floor(xyz_m[i, 0] / WALL_PATCH_M))
-        py = int(np.floor(xyz_m[i, 1] / WALL_PATCH_M))
-        p = slots[WALL_LAYER, py - patches.south, px - patches.west]
-        if p < 0:
-            p = slots[WALL_LAYER, py - patches.south, px - patches.west] = filled
-            place[p, 0] = px
-            place[p, 1] = py
-            place[p, 2] = WALL_LAYER
-            interval_of[p] = poses.coarse.first + interval
-            filled += 1
-        lx = xyz_m[i, 0] - (px + 0.5) * WALL_PATCH_M
-        ly = xyz_m[i, 1] - (py + 0.5) * WALL_PATCH_M
-        lz = xyz_m[i, 2]
-        plane_row(row6, other[2], other[3], 0.0, lx, ly, lz)
-        add_to_patch(early, late, pull, p, row6, w, late_share, residual_free)
-    progress[1] = filled
-    progress[2] = opened
-    progress[3] = interval_now
+        residual_free_m = residual_m - 0.5 * (other[2] * (own[0] - other[0]) + other[3] * (own[1] - other[1]))
+        weight = share / (variance * correlated)
+        if abs(normalised) > WALL_HUBER:
+            weight *= WALL_HUBER / abs(normalised)
+        _count(groups, 2 * c + placed.half[i], int((t_s - poses.begin_s) / GROUP_S), normalised, variance)
+        equation = PlaneEquation(other[2], other[3], 0.0, weight, residual_m, residual_free_m)
+        add_equation(
+            equation, t_s, east_m, north_m, placed.xyz_m[i, 2], WALL_LAYER, WALL_PATCH_M, poses, sums, patches, row
+        )
+
+
+@kernel_part(inline="always")
+def _count(groups, of, second, normalised, variance):  # type: ignore[no-untyped-def]
+    """Add a residual in standard deviations, clipped at WALL_HUBER, to its group, which begins with the second."""
+    clipped = min(max(normalised, -WALL_HUBER), WALL_HUBER)
+    groups.tally[3] += 1.0
+    groups.tally[4] += clipped**2 * variance
+    if second != groups.second[of]:
+        _close(groups.sums, of, groups.tally)
+        groups.second[of] = second
+    groups.sums[of, 0] += 1.0
+    groups.sums[of, 1] += clipped
+    groups.sums[of, 2] += clipped * clipped
 
 
 @kernel_part()
