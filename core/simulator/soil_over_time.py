@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import scipy.fft
-from numba import njit
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.kernels import kernel_part
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path, plan_path
 from furrowmap.core.simulator.noise import Float32Array, FloatArray, random_for
 from furrowmap.core.simulator.scenario import EarlierDrive, Scenario, ScenarioSoil
@@ -258,7 +258,7 @@ def tops_of(highest: Float32Array) -> Float32Array:
     return wide
 
 
-@njit(cache=True, nogil=True)
+@kernel_part()
 def relief_at(ground, e, n, t):  # type: ignore[no-untyped-def]
     """Relief above the mean plane at one local position and time, bilinear between the cells' middles."""
     rows, cols = ground.before.shape
@@ -285,7 +285,7 @@ def relief_at(ground, e, n, t):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel_part()
 def _heights(ground, e_m, n_m, t_s, out):  # type: ignore[no-untyped-def]
     for i in range(len(e_m)):
         plane = ground.slope_e * e_m[i] + ground.slope_n * n_m[i]
