@@ -256,7 +256,7 @@ def _variance_words(variance: dict[str, Any] | None) -> list[str]:
         )
         for each in variance["means"]
     ]
-    return [table(rows), aligned(means, 1)]
+    return [table(rows), *([aligned(means, 1)] if variance["means"] else [])] if rows else []
 
 
 def _interval(value: dict[str, Any]) -> str:

@@ -119,7 +119,10 @@ def _block(grid: PlotGrid, row: int, column: int) -> int:
     return (row if grid.block == "rows" else column) // grid.block_size + 1
 
 
-BLOCK_COLUMNS: Final = ("block", "replicate", "replication", "rep", "blk")
+BLOCK_COLUMNS: Final = (
+    *("block", "replicate", "replication", "rep", "blk", "wiederholung", "wdh", "gentagelse", "blok", "blocknr"),
+    *("反復", "ブロック", "bloc", "bloque", "répétition", "repetition", "replikat"),
+)
 """Accepted names of the column of blocks, in any case."""
 MIN_PARCEL_M2: Final = 1e-4
 

@@ -7,7 +7,15 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.crops.dose_columns import dose_name, dose_unit, parcel_doses
+from furrowmap.core.crops.confounding import Confounding
+from furrowmap.core.crops.dose_columns import (
+    attribute_cells,
+    checked_column,
+    dose_name,
+    dose_unit,
+    number_columns,
+    stated_column,
+)
 from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.response_models import ModelName
 from furrowmap.core.crops.response_values import Response, ResponseQuestion
@@ -60,6 +68,7 @@ class Trial:
     Attributes:
         dose_name, dose: column and (n,) values; None without a dose.
         labels: of the treatment of each parcel; None where unknown.
+        levels: of each parcel by what the variance is analysed by; None where unknown.
         response: of all parcels; of the means of a dose at each site where these respond differently.
         parts: each site, and each level of each factor, alone.
         differs: "site", a factor or "split" → probability of so different responses where there is no difference.
@@ -69,6 +78,7 @@ class Trial:
     dose_name: str | None
     dose: FloatArray | None
     labels: tuple[str | None, ...]
+    levels: Mapping[str, Sequence[str | None]]
     response: Response | None
     parts: tuple[TrialPart, ...]
     differs: Mapping[str, float]
@@ -83,7 +93,10 @@ def analyse_trial(parcels: Sequence[Parcel], value: FloatArray, plan: TrialPlan)
     Raises InputError for a column that no parcel has.
     """
     name = dose_name(parcels, plan.dose)
-    dose = parcel_doses(parcels, name) if name is not None else None
+    notices: list[Notice] = []
+    dose = None
+    if name is not None:
+        dose, notices = checked_column(parcels, name)
     factors = {factor: _levels(parcels, factor) for factor in plan.factors}
     sites = _sites(parcels)
     several = len(set(sites)) > 1
@@ -91,31 +104,47 @@ def analyse_trial(parcels: Sequence[Parcel], value: FloatArray, plan: TrialPlan)
         " ".join(filter(None, [site, (each.block or "") if plan.blocks else ""]))
         for site, each in zip(sites, parcels, strict=True)
     ]
-    covariate = _numbers(parcels, plan.covariate) if plan.covariate is not None else None
+    covariate = None
+    if plan.covariate is not None:
+        covariate, left_out = _numbers(parcels, plan.covariate)
+        notices += left_out
     labels = _labels(parcels, dose)
-    known = np.isfinite(value) & np.array([level is not None for level in labels], bool)
+    is_treated = any(label is not None for label in labels)
+    if not is_treated and not factors and (numbers := number_columns(parcels)):
+        notices.append(Notice("trial-without-dose", names=", ".join(numbers)[:200]))
+    known = np.isfinite(value)
+    if is_treated:
+        known &= np.array([label is not None for label in labels], bool)
     for levels in factors.values():
         known &= np.array([bool(level) for level in levels], bool)
     if covariate is not None:
         known &= np.isfinite(covariate)
-    notices: list[Notice] = []
+    split = _split(labels, dose, factors)
+    confounded: tuple[Confounding, ...] = ()
     try:
-        variance = _variance(value, known, labels, dose, factors, block, {plan.covariate or "": covariate})
+        variance = _variance(value, known, split, block, {plan.covariate or "": covariate})
         differs = _differences(parcels, value, known, name, dose, factors, sites, block) if dose is not None else {}
     except InputError as error:
         notices.append(Notice("variance-missing", what=error.words("what"), remedy=error.words("remedy")))
         variance = None
         differs = {}
+    if variance is not None:
+        confounded = variance.confounded
+        notices += [
+            Notice("trial-confounded", term=each.term, others=each.others, is_partly=each.is_partly)
+            for each in confounded
+        ]
     response = None
     parts: list[TrialPart] = []
     if dose is not None:
         question = ResponseQuestion(plan.model, plan.ratio, dose_unit(name))
-        covariates = _covariates(factors, covariate)
+        lost = {each.term for each in confounded if not each.is_partly}
+        told = {factor: levels for factor, levels in factors.items() if factor not in lost}
+        covariates = _covariates(told, covariate if plan.covariate not in lost else None)
         response = fit_response(dose, value, block, question, covariates)
         if several and differs.get(SITE, 1.0) <= MAX_P and len(set(sites)) >= MIN_SITES:
             response = _over_sites(dose, value, sites, question, response)
-        split = {**({SITE: sites} if several else {}), **factors}
-        for by, levels in split.items():
+        for by, levels in {**({SITE: sites} if several else {}), **factors}.items():
             for label in dict.fromkeys(filter(None, levels)):
                 own = np.array([level == label for level in levels])
                 alone = fit_response(
@@ -124,7 +153,7 @@ def analyse_trial(parcels: Sequence[Parcel], value: FloatArray, plan: TrialPlan)
                 parts.append(TrialPart(by, label, alone))
     said = response.sentences if response is not None else (Text("The parcels have no doses."),)
     sentences = (*said, *_difference_words(differs))
-    return Trial(name, dose, labels, response, tuple(parts), differs, variance, sentences, tuple(notices))
+    return Trial(name, dose, labels, split, response, tuple(parts), differs, variance, sentences, tuple(notices))
 
 
 def _difference_words(differs: Mapping[str, float]) -> list[Text]:
@@ -160,27 +189,33 @@ def _over_sites(
     return replace(means, parcels=whole.parcels, expected=whole.expected, residual=whole.residual)
 
 
+def _split(
+    labels: Sequence[str | None], dose: FloatArray | None, factors: Mapping[str, Sequence[str]]
+) -> dict[str, Sequence[str | None]]:
+    """The levels of each parcel by what the variance is analysed by: treatments, or the dose beside factors."""
+    split: dict[str, Sequence[str | None]] = {}
+    if factors and dose is not None:
+        split[DOSE_FACTOR] = [f"{each:g}" if math.isfinite(each) else None for each in dose]
+    elif any(label is not None for label in labels):
+        split[TREATMENT] = labels
+    return {**split, **factors}
+
+
 def _variance(
     value: FloatArray,
     known: BoolArray,
-    labels: Sequence[str | None],
-    dose: FloatArray | None,
-    factors: Mapping[str, Sequence[str]],
+    split: Mapping[str, Sequence[str | None]],
     block: Sequence[str],
     covariates: Mapping[str, FloatArray | None],
 ) -> Variance | None:
+    for levels in split.values():
+        known = known & np.array([level is not None for level in levels], bool)
     rows = np.flatnonzero(known).tolist()
-    if not rows:
+    if not rows or not split:
         return None
-    first = TREATMENT
-    names: Sequence[str | None] = labels
-    if factors and dose is not None:
-        first = DOSE_FACTOR
-        names = [f"{each:g}" for each in dose]
-    split = {first: [str(names[k]) for k in rows]}
-    split |= {factor: [levels[k] for k in rows] for factor, levels in factors.items()}
+    own = {name: [str(levels[k]) for k in rows] for name, levels in split.items()}
     beside = {name: column[rows] for name, column in covariates.items() if column is not None}
-    return analysis_of_variance(value[rows], TrialFactors(split, [block[k] for k in rows], beside))
+    return analysis_of_variance(value[rows], TrialFactors(own, [block[k] for k in rows], beside))
 
 
 def _differences(
@@ -230,30 +265,25 @@ def _covariates(factors: Mapping[str, Sequence[str]], covariate: FloatArray | No
 
 
 def _column(parcels: Sequence[Parcel], name: str) -> str:
-    """The attribute of that name in any case."""
-    names = dict.fromkeys(key for each in parcels for key in each.attributes)
-    found = next((key for key in names if key.casefold() == name.casefold()), None)
+    """The attribute that is stated."""
+    names = list(dict.fromkeys(key for each in parcels for key in each.attributes))
+    found = stated_column(names, name)
     if found is None:
         raise InputError("trial-column-unknown", stated=name, is_number=False, names=", ".join(names) or "none")
     return found
 
 
 def _levels(parcels: Sequence[Parcel], name: str) -> list[str]:
-    column = _column(parcels, name)
-    values = [each.attributes.get(column, "") for each in parcels]
+    values = [value if value is not None else "" for value in attribute_cells(parcels, _column(parcels, name))]
     return [f"{value:g}" if isinstance(value, float) else value for value in values]
 
 
-def _numbers(parcels: Sequence[Parcel], name: str) -> FloatArray:
-    column = _column(parcels, name)
-    values = [each.attributes.get(column) for each in parcels]
-    numbers = np.array([value if isinstance(value, float) else np.nan for value in values])
+def _numbers(parcels: Sequence[Parcel], name: str) -> tuple[FloatArray, list[Notice]]:
+    numbers, left_out = checked_column(parcels, _column(parcels, name))
     if not np.isfinite(numbers).any():
-        numeric = dict.fromkeys(
-            key for each in parcels for key, one in each.attributes.items() if isinstance(one, float)
-        )
-        raise InputError("trial-column-unknown", stated=name, is_number=True, names=", ".join(numeric) or "none")
-    return numbers
+        names = ", ".join(number_columns(parcels)) or "none"
+        raise InputError("trial-column-unknown", stated=name, is_number=True, names=names)
+    return numbers, left_out
 
 
 def _labels(parcels: Sequence[Parcel], dose: FloatArray | None) -> tuple[str | None, ...]:

@@ -10,9 +10,11 @@ from typing import Final
 import numpy as np
 import shapely
 
+from furrowmap.core.crops.dose_columns import stated_column
+from furrowmap.core.crops.number_cells import checked_numbers, number_cells
 from furrowmap.core.crops.parcel_areas import BLOCK_COLUMNS, list_names
 from furrowmap.core.readers.areas.polygons import IDS
-from furrowmap.core.readers.text_table import read_table
+from furrowmap.core.readers.text_table import TextTable, read_table
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, OptionError
 from furrowmap.core.runtime.languages.texts import Text, Words
@@ -67,15 +69,14 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
     doses = [(found["what"].strip() or DOSE, _day(found["day"], 1, unreadable), name) for name, found in dated.items()]
     by_row = DATE in table.columns
     row_days = [_day(*row, unreadable) for row in zip(table.columns[DATE], table.lines, strict=True)] if by_row else []
-    faults = {name: fault for name in table.columns if (fault := table.first_fault(name)) is not None}
     for name in dated:
-        if name in faults:
-            line, text = faults[name]
+        if (fault := table.first_fault(name)) is not None:
+            line, text = fault
             raise unreadable(Text("line {line} holds {text!r} under {name}", line=line, text=text, name=name))
     if (by_row or doses) and day is None:
         raise InputError("treatments-day", path=path)
     plain = [name for name in table.columns if name not in dated and name not in (column, DATE)]
-    numbers = {name: table.numbers(name) for name in (*plain, *dated) if name not in faults}
+    numbers = {name: table.numbers(name) for name in (*plain, *dated)}
     rows: dict[str, dict[str, Attribute]] = {}
     for k, cell in enumerate(table.columns[column]):
         key = _label(cell)
@@ -88,7 +89,7 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
         for name in plain:
             if name not in texts:
                 continue
-            if name not in numbers or name in BLOCK_COLUMNS:
+            if not np.isfinite(numbers[name][k]) or name in BLOCK_COLUMNS:
                 row.setdefault(name, texts[name])
             elif by_row:
                 _add_dose(row, name, row_days[k], float(numbers[name][k]), day)
@@ -163,34 +164,33 @@ def read_measured(path: Path, measure: str, sites: Sequence[str] = ()) -> Measur
     """Rows by parcel, such as the parcels.csv of a run: an identifier, the quantity, and more.
 
     Without a column of identifiers parcels have the numbers of their rows. Of several `sites` (columns, such as
-    location and year) identifiers count within each; their labels are the attribute SITE. Raises InputError if the file
-    cannot be read, has no such column, or an identifier twice.
+    location and year) identifiers count within each; their labels are the attribute SITE. Cells that are no number, or
+    a code of no data, are left out with a notice. Raises InputError if the file cannot be read, has no such column, no
+    number in it, or an identifier twice.
     """
 
     def unreadable(why: Words) -> InputError:
         return InputError("parcel-table-unreadable", path=path, why=why)
 
     table = read_table(path, unreadable)
+    if not table.lines:
+        raise unreadable(Text("it has no rows below the names of its columns"))
+    wanted = _stated(table, measure, is_measure=True)
+    site_columns = [_stated(table, name, is_measure=False) for name in sites]
     column = table.find(IDS)
-    wanted = measure.casefold()
-    missing = [name for name in (wanted, *(name.casefold() for name in sites)) if name not in table.columns]
-    if missing or not table.lines:
-        raise unreadable(
-            Text("no rows with the columns {missing} (its columns: {names})", missing=missing, names=table.names)
-        )
-    labels = [" ".join(_label(table.columns[name.casefold()][k]) for name in sites) for k in range(len(table.lines))]
+    labels = [" ".join(_label(table.columns[name][k]) for name in site_columns) for k in range(len(table.lines))]
     cells = table.columns[column] if column is not None else [str(k + 1) for k in range(len(table.lines))]
     names = [f"{label} {cell.strip()}".strip() for label, cell in zip(labels, cells, strict=True)]
     twice = next((name for k, name in enumerate(names) if name in set(names[:k]) or not cells[k].strip()), None)
     if twice is not None:
-        raise unreadable(Text("parcel {twice!r} is there twice, or a parcel has no identifier", twice=twice))
+        raise InputError("parcel-table-unreadable.identifiers", path=path, twice=twice, column=column)
     block = table.find(BLOCK_COLUMNS)
     others = [name for name in table.columns if name not in (column, block, wanted)]
-    numbers = {name: table.numbers(name) for name in others if table.first_fault(name) is None}
+    numbers = {name: table.numbers(name) for name in others}
     parcels = []
     for k, name in enumerate(names):
         attributes: dict[str, Attribute] = {
-            other: float(numbers[other][k]) if other in numbers else table.columns[other][k].strip()
+            other: float(numbers[other][k]) if np.isfinite(numbers[other][k]) else table.columns[other][k].strip()
             for other in others
             if table.columns[other][k].strip()
         }
@@ -199,7 +199,36 @@ def read_measured(path: Path, measure: str, sites: Sequence[str] = ()) -> Measur
         label = table.columns[block][k].strip() if block is not None else ""
         parcels.append(Parcel(name, shapely.Polygon(), shapely.Polygon(), label or None, attributes))
     sigma = numbers.get(SIGMA_COLUMNS.get(wanted, ""), np.full(len(names), np.nan))
-    return MeasuredTable(tuple(parcels), table.numbers(wanted), sigma, table.notices)
+    value, left_out = checked_numbers(table.columns[wanted], wanted, names, decimal_comma=table.decimal_comma)
+    if not np.isfinite(value).any():
+        raise _column_error(table, measure, is_measure=True, is_there=True)
+    return MeasuredTable(tuple(parcels), value, sigma, (*table.notices, *left_out))
+
+
+def _stated(table: TextTable, name: str, *, is_measure: bool) -> str:
+    """The column that is stated as the measure, or as a site."""
+    column = stated_column(table.columns, name)
+    if column is None:
+        raise _column_error(table, name, is_measure=is_measure, is_there=False)
+    return column
+
+
+def _column_error(table: TextTable, name: str, *, is_measure: bool, is_there: bool) -> InputError:
+    known = table.columns
+    if is_measure:
+        known = {
+            each: cells
+            for each, cells in known.items()
+            if each not in (*IDS, *BLOCK_COLUMNS) and number_cells(cells, decimal_comma=table.decimal_comma).mostly
+        }
+    return InputError(
+        "parcel-table-unreadable.column",
+        path=table.path,
+        column=name,
+        is_there=is_there,
+        is_measure=is_measure,
+        names=", ".join(known)[:200] or None,
+    )
 
 
 def _day(text: str, line: int, unreadable: Callable[[Words], InputError]) -> dt.date:

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from scipy import special, stats
 
+from furrowmap.core.crops.confounding import Confounding, confounded_terms, factor_columns, interaction_columns
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import MissingExtraError
 from furrowmap.core.runtime.languages.texts import Text
@@ -16,13 +17,16 @@ from furrowmap.core.runtime.languages.texts import Text
 SIGNIFICANT_P: Final = 0.05
 """Of a difference: means that share a letter do not differ at this level, over all their pairs."""
 BLOCK_SOURCE: Final = "block"
+ESTIMABLE: Final = 1e-6
+"""Part of a mean outside the rows of the design from which on the values do not tell it."""
 
 
 @dataclass(frozen=True)
 class VarianceRow:
     """A source of variance: a factor, "dose × variety" of two, "block", a covariate or "residual".
 
-    The sum of squares is adjusted for the others (type II). The residual has no F and no probability.
+    The sum of squares is adjusted for the others (type II), with as many degrees of freedom as the rank of the design
+    loses without the source. The residual has no F and no probability.
     """
 
     source: str
@@ -62,11 +66,16 @@ class TwoWayCell:
 
 @dataclass(frozen=True)
 class Variance:
-    """An analysis of variance; means in the order of the first parcels of their levels."""
+    """An analysis of variance; means in the order of the first parcels of their levels.
+
+    Terms that are wholly confounded have no row and no means; factors that are so partly have no means, and their
+    tests are of what can be told apart.
+    """
 
     rows: tuple[VarianceRow, ...]
     means: tuple[TreatmentMean, ...]
     cells: tuple[TwoWayCell, ...] = ()
+    confounded: tuple[Confounding, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,33 +98,62 @@ def analysis_of_variance(value: FloatArray, trial: TrialFactors) -> Variance | N
 
     Raises InputError if statsmodels is not installed.
     """
-    pd, ols, anova_lm = _statsmodels()
+    pd, ols, _ = _statsmodels()
     table, terms, names = _design(value, trial, pd)
     columns = {f"f{k}": name for k, name in enumerate(trial.factors)}
     if any(table[column].nunique() < 2 for column in columns) or np.ptp(value) == 0.0:
         return None
-    formula = "value ~ " + " + ".join(terms)
-    fitted: Any = ols(formula, table).fit()
+
+    def fit(some: Sequence[str]) -> Any:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of terms that are partly confounded: ranks tell what is left
+            return ols("value ~ " + (" + ".join(some) or "1"), table).fit()
+
+    told = {_pair(term, names): term for term in terms}
+    confounded = _confounded(trial, told)
+    lost = {told[each.term] for each in confounded if not each.is_partly}
+    terms = [term for term in terms if term not in lost and lost.isdisjoint(term.split(":"))]
+    fitted = fit(terms)
     if fitted.df_resid < 1:
         terms = [term for term in terms if ":" not in term]
-        formula = "value ~ " + " + ".join(terms)
-        fitted = ols(formula, table).fit()
+        fitted = fit(terms)
     if fitted.df_resid < 1 or fitted.ssr <= 0.0:
         return None
-    rows = [
-        VarianceRow(
-            " × ".join(names.get(part, part) for part in str(source).split(":")),
-            round(float(row["df"])),
-            float(row["sum_sq"]),
-            None if np.isnan(row["F"]) else float(row["F"]),
-            None if np.isnan(row["PR(>F)"]) else float(row["PR(>F)"]),
-        )
-        for source, row in anova_lm(fitted, typ=2).iterrows()
-    ]
+    rows = []
+    for term in terms:
+        others = [each for each in terms if not set(term.split(":")) <= set(each.split(":"))]
+        without = fit(others)
+        with_it = fit([*others, term])
+        freedom = round(without.df_resid - with_it.df_resid)
+        squares = max(float(without.ssr - with_it.ssr), 0.0)
+        f = squares / freedom / (fitted.ssr / fitted.df_resid) if freedom > 0 else None
+        p = float(special.fdtrc(freedom, fitted.df_resid, f)) if f is not None else None
+        rows.append(VarianceRow(_pair(term, names), freedom, squares, f, p))
+    rows.append(VarianceRow("residual", round(fitted.df_resid), float(fitted.ssr), None, None))
     means: list[TreatmentMean] = []
-    for column in columns:
-        means += _adjusted_means(column, columns, table, formula, fitted)
-    return Variance(tuple(rows), tuple(means), _cells(value, trial.factors))
+    kept = {column: name for column, name in columns.items() if f"C({column})" in terms}
+    formula = "value ~ " + (" + ".join(terms) or "1")
+    for column in kept:
+        means += _adjusted_means(column, kept, table, formula, fitted)
+    return Variance(tuple(rows), tuple(means), _cells(value, trial.factors), confounded)
+
+
+def _pair(term: str, names: Mapping[str, str]) -> str:
+    """The name of a term for people."""
+    return " × ".join(names.get(part, part) for part in term.split(":"))
+
+
+def _confounded(trial: TrialFactors, terms: Mapping[str, str]) -> tuple[Confounding, ...]:
+    """Of the terms by name: blocks before covariates, these before factors in their order, and pairs last."""
+    design: dict[str, FloatArray] = {}
+    if BLOCK_SOURCE in terms and trial.block is not None:
+        design[BLOCK_SOURCE] = factor_columns(trial.block)
+    design |= {name: np.asarray(values, np.float64)[:, None] for name, values in trial.covariates.items()}
+    design |= {name: factor_columns(levels) for name, levels in trial.factors.items()}
+    for one, other in combinations(trial.factors, 2):
+        if (pair := f"{one} × {other}") in terms:
+            design[pair] = interaction_columns(design[one], design[other])
+    return confounded_terms(design)
 
 
 def nested_probability(
@@ -130,9 +168,9 @@ def nested_probability(
     for k, levels in enumerate(factors):
         table[f"f{k}"] = list(levels)
     blocks = ["C(block)"] if len(set(block)) > 1 else []
-    coarse = ols("value ~ " + " + ".join([*(f"C(f{k})" for k in range(len(factors))), *blocks]), table).fit()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # blocks of a site are alone with its cells: the fit is the same
+        coarse = ols("value ~ " + " + ".join([*(f"C(f{k})" for k in range(len(factors))), *blocks]), table).fit()
         fine = ols("value ~ " + " + ".join(["C(cell)", *blocks]), table).fit()
     if fine.df_resid < 1 or coarse.df_resid <= fine.df_resid or fine.ssr <= 0.0:
         return None
@@ -156,7 +194,8 @@ def _design(value: FloatArray, trial: TrialFactors, pd: Any) -> tuple[Any, list[
     """The table, the terms of the formula, and the names of these for people."""
     table: dict[str, Any] = {"value": value}
     terms = []
-    names = {"Residual": "residual"}
+    pairwise = []
+    names = {}
     for k, (name, levels) in enumerate(trial.factors.items()):
         table[f"f{k}"] = list(levels)
         terms.append(f"C(f{k})")
@@ -164,11 +203,12 @@ def _design(value: FloatArray, trial: TrialFactors, pd: Any) -> tuple[Any, list[
     for one, other in combinations(range(len(trial.factors)), 2):
         pairs = set(zip(table[f"f{one}"], table[f"f{other}"], strict=True))
         if len(pairs) == len(set(table[f"f{one}"])) * len(set(table[f"f{other}"])):
-            terms.append(f"C(f{one}):C(f{other})")
+            pairwise.append(f"C(f{one}):C(f{other})")
     if trial.block is not None and len(set(trial.block)) > 1:
         table["block"] = list(trial.block)
         terms.append("C(block)")
         names["C(block)"] = BLOCK_SOURCE
+    terms += pairwise
     for k, (name, values) in enumerate(trial.covariates.items()):
         table[f"x{k}"] = values
         terms.append(f"x{k}")
@@ -179,10 +219,10 @@ def _design(value: FloatArray, trial: TrialFactors, pd: Any) -> tuple[Any, list[
 def _adjusted_means(
     column: str, columns: Mapping[str, str], table: Any, formula: str, fitted: Any
 ) -> list[TreatmentMean]:
-    """Of the levels of a factor, with the letters of their comparison."""
+    """Of the levels of a factor, with the letters of their comparison; none if the design does not tell them."""
     pd, ols, _ = _statsmodels()
     levels = list(dict.fromkeys(table[column]))
-    others = [name for name in (*columns, "block") if name in table and name != column]
+    others = [name for name in (*columns, "block") if f"C({name})" in formula and name != column]
     rest = list(product(*(list(dict.fromkeys(table[name])) for name in others)))
     covariates = {name: float(table[name].mean()) for name in table if name.startswith("x")}
     grid = [
@@ -193,6 +233,9 @@ def _adjusted_means(
     # The columns of the design do not depend on the rows, as long as these have the same levels.
     design = np.asarray(ols(formula, pd.concat([table, pd.DataFrame(grid)], ignore_index=True)).exog)[len(table) :]
     lines = design.reshape(len(levels), len(rest), -1).mean(axis=1)
+    known = np.asarray(fitted.model.exog)
+    if np.abs(lines @ np.linalg.pinv(known) @ known - lines).max() > ESTIMABLE:
+        return []
     mean = lines @ np.asarray(fitted.params)
     covariance = lines @ np.asarray(fitted.cov_params()) @ lines.T
     half = float(special.stdtrit(fitted.df_resid, 0.975)) * np.sqrt(np.diag(covariance))

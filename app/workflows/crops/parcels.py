@@ -14,10 +14,10 @@ import shapely
 from pyproj import CRS
 
 from furrowmap.core.crops.bare_soil import SOIL_CELL_M
-from furrowmap.core.crops.dose_columns import dose_name, dose_unit, parcel_doses
+from furrowmap.core.crops.dose_columns import dose_name, dose_unit, left_out_doses, parcel_doses
 from furrowmap.core.crops.dose_response import fit_response
 from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels
-from furrowmap.core.crops.parcel_areas import elsewhere_error, read_parcels
+from furrowmap.core.crops.parcel_areas import elsewhere_error, list_names, read_parcels
 from furrowmap.core.crops.parcel_placement import (
     FAR_SHIFT_M,
     MAX_PARCEL_SHIFT_M,
@@ -185,11 +185,22 @@ def write_parcels(
     found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]
     notices += _order_notices(found, settings)
     response = _response(found)
+    if response is not None and (name := dose_name(treated)) is not None:
+        notices += left_out_doses(treated, name)
     layer = parcel_layer(found)
     write_parcel_table(folder / PARCEL_TABLE, layer)
     write_parcel_sheet(folder / PARCEL_SHEET, layer)
     unknown = [row.parcel.id for row in found if math.isnan(row.figures.mean_height_m)]
     notices += [*points.notices, *soil.notices]
+    bare = [
+        row.parcel.id
+        for row in found
+        if settings.method == "canopy-top"
+        and math.isfinite(row.figures.mean_height_m)
+        and math.isnan(row.figures.height_sigma_m)
+    ]
+    if bare:
+        notices.append(Notice("parcels-without-sigma", names=list_names(bare, "parcel"), total=len(found)))
     if unknown:
         shown = ", ".join(unknown[:5]) + (" and others" if len(unknown) > 5 else "")
         notices.append(Notice("parcels-unmeasured", names=len(unknown), total=len(found), shown=shown))

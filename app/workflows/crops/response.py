@@ -1,7 +1,6 @@
 """The response of a trial to its treatments, from tables of its parcels."""
 
 import datetime as dt
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -230,10 +229,10 @@ def _charts(last: _Flight, measure: str, growth: Sequence[Growth]) -> dict[str, 
         if found.models:
             charts["residuals.svg"] = residual_chart(found.expected, found.residual, points)
     labels = [label or "" for label in trial.labels]
-    if trial.variance is not None:
+    if trial.variance is not None and trial.variance.means:
         first = trial.variance.means[0].factor
         means = [each for each in trial.variance.means if each.factor == first]
-        named = labels if {each.treatment for each in means} <= set(labels) else _doses(trial)
+        named = [level or "" for level in trial.levels[first]]
         shown = [(each.treatment, each.mean, each.low, each.high) for each in means]
         letters = {each.treatment: each.letters for each in means}
         charts["treatments.svg"] = category_chart(named, points, _ordered(shown), letters)
@@ -248,10 +247,6 @@ def _charts(last: _Flight, measure: str, growth: Sequence[Growth]) -> dict[str, 
             named, ParcelValues(rate, blocks, Text("growth (m/day)"), Text("block")), _means(named, rate)
         )
     return charts
-
-
-def _doses(trial: Trial) -> list[str]:
-    return [f"{value:g}" if math.isfinite(value) else "" for value in trial.dose] if trial.dose is not None else []
 
 
 def _means(names: Sequence[str], value: FloatArray) -> list[tuple[str, float, float, float]]:

@@ -22,7 +22,7 @@ from furrowmap.core.runtime.file_names import resolved
 from furrowmap.core.runtime.languages.texts import Text, reason
 
 _LONGITUDES: Final = CRS.from_epsg(4326)
-IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
+IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "parzelle", "区画", "name", "nr", "no")
 """Accepted names of the column of identifiers, in any case."""
 _MAP_PAIRS: Final = (("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"))
 _DEGREE_PAIRS: Final = (("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"))

@@ -243,3 +243,31 @@ def test_session__names_the_soil_as_a_method_or_a_file(tmp_path: Path) -> None:
         opened = open_session(tmp_path / "session.toml")
         assert parcel_settings(opened).soil == wanted
         assert (tmp_path.resolve() / "bare.tif" in opened.inputs.all) == (soil == "bare.tif")
+
+
+def test_a_parcel_without_crop__has_no_standard_deviation_and_is_named(tmp_path: Path) -> None:
+    """Soil with 1 cm of noise under a parcel, beside one with crop."""
+    rng = np.random.default_rng(5)
+    gross = {"bare": shapely.box(0, 0, 4, 1.5), "crop": shapely.box(0, 2.5, 4, 4)}
+    xy = rng.uniform((-1.5, -1.5), (5.5, 5.5), (160_000, 2))
+    height = 70.0 + 0.01 * rng.standard_normal(len(xy))
+    inside = shapely.contains_xy(gross["crop"], *xy.T)
+    height[inside] += np.maximum(0.5 - 0.07 * rng.weibull(1.3, int(inside.sum())), 0.0)
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = np.full(3, 0.001)
+    header.offsets = np.array([EAST, NORTH, 0.0])
+    header.add_crs(pyproj.CRS(CRS))
+    las = laspy.LasData(header)
+    las.x = xy[:, 0] + EAST
+    las.y = xy[:, 1] + NORTH
+    las.z = height
+    las.write(tmp_path / "flight.laz")
+    shapes = [shapely.transform(shape, lambda en: en + np.array([EAST, NORTH])) for shape in gross.values()]
+    gpd.GeoDataFrame({"id": list(gross)}, geometry=shapes, crs=CRS).to_file(tmp_path / "parcels.gpkg")
+    account = furrowmap.parcels([tmp_path / "flight.laz"], tmp_path / "parcels.gpkg", tmp_path / "out")
+    bare, crop = account["parcels"]
+    assert bare["height_sigma_m"] is None
+    assert bare["mean_height_m"] is not None
+    assert crop["height_sigma_m"] > 0.0
+    (warning,) = [each for each in account["warnings"] if each["code"] == "parcels-without-sigma"]
+    assert "1 parcel (bare) of 2: the height has no standard deviation" in warning["text"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -245,3 +246,142 @@ def test_plan_of_the_paper__is_dose_inoculant_and_dates(tmp_path: Path) -> None:
     assert {part["label"] for part in flight["parts"]} == {"none", "JumpStart"}
     assert len(flight["variance"]["cells"]) == 2 * 6
     assert flight["doses"] == 6
+
+
+def yields(file: Path, head: str, rows: list[str]) -> Path:
+    file.write_text("\n".join([head, *rows]), encoding="utf-8")
+    return file
+
+
+def doubled(dose: float, k: int) -> str:
+    """A yield of a parcel, in t/ha."""
+    return f"{3.0 + 5.0 * (1.0 - np.exp(-0.012 * dose)) + 0.1 * np.sin(7.0 * k):.4f}"
+
+
+def trial_rows(wrong: dict[int, tuple[str, str]] | None = None) -> list[str]:
+    """Four blocks of the doses; cells of the dose and the yield of some rows are others."""
+    rows = []
+    for k, dose in enumerate(np.tile(RATES, 4).tolist()):
+        cells = (wrong or {}).get(k, (str(dose), doubled(dose, k)))
+        rows.append(f"{k + 1},{k // 7 + 1},{cells[0]},{cells[1]}")
+    return rows
+
+
+YIELD = furrowmap.ResponseSettings(measure="yield_t_ha")
+
+
+def test_cells_without_a_number__leave_out_their_parcels_and_no_others(tmp_path: Path) -> None:
+    """One cell of the dose and one of the yield that are texts: the result is that without the two rows."""
+    head = "id,block,n_kg_ha,yield_t_ha"
+    wrong = {3: ("k.A.", doubled(150, 3)), 9: ("100", "n.a."), 12: ("250", "-9999")}
+    table = yields(tmp_path / "wrong.csv", head, trial_rows(wrong))
+    kept = [row for k, row in enumerate(trial_rows()) if k not in wrong]
+    found = furrowmap.response([table], None, tmp_path / "a", YIELD)
+    expected = furrowmap.response([yields(tmp_path / "kept.csv", head, kept)], None, tmp_path / "b", YIELD)
+    assert [notice["code"] for notice in found["warnings"]] == [
+        "trial-cells-unread",
+        "trial-cells-nodata",
+        "trial-cells-unread",
+    ]
+    assert "'k.A.' (parcel 4)" in found["warnings"][2]["text"]
+    assert found["flights"][0]["models"] == expected["flights"][0]["models"]
+    assert found["flights"][0]["variance"] == expected["flights"][0]["variance"]
+    assert expected["warnings"] == []
+
+
+@pytest.mark.parametrize("unit", ["kg", "kg/ha"])
+def test_units_behind_doses__are_read_over(tmp_path: Path, unit: str) -> None:
+    head = "id,block,n_kg_ha,yield_t_ha"
+    rows = [",".join([*cells[:2], f"{cells[2]} {unit}", cells[3]]) for row in trial_rows() if (cells := row.split(","))]
+    found = furrowmap.response([yields(tmp_path / "unit.csv", head, rows)], None, tmp_path / "a", YIELD)
+    plain = furrowmap.response([yields(tmp_path / "plain.csv", head, trial_rows())], None, tmp_path / "b", YIELD)
+    assert found["flights"][0]["models"] == plain["flights"][0]["models"]
+    assert found["warnings"] == []
+
+
+def test_a_treatment_table__with_one_text_for_a_dose_keeps_the_others(trial: tuple[Path, Path], tmp_path: Path) -> None:
+    text = trial[1].read_text(encoding="utf-8").replace("4,N150,150", "4,N150,unknown")
+    trial[1].write_text(text, encoding="utf-8")
+    found = furrowmap.response([trial[0]], trial[1], tmp_path / "out")
+    assert [notice["code"] for notice in found["warnings"]] == ["trial-cells-unread"]
+    assert "n_kg_ha: 1 of 28 cells hold no number, the first 'unknown' (parcel 4)" in found["warnings"][0]["text"]
+    assert found["flights"][0]["doses"] == 7
+
+
+def test_columns__may_be_stated_as_their_title_stands_in_the_table(tmp_path: Path) -> None:
+    head = "Parzelle;Wiederholung;N-Düngung [kg/ha];Ertrag [t/ha]"
+    rows = [row.replace(",", ";").replace(".", ",") for row in trial_rows()]
+    table = yields(tmp_path / "german.csv", head, rows)
+    answers = []
+    for k, (measure, dose) in enumerate((("Ertrag [t/ha]", "N-Düngung [kg/ha]"), ("ertrag", "n-düngung"))):
+        settings = furrowmap.ResponseSettings(measure=measure, dose=dose)
+        answers.append(furrowmap.response([table], None, tmp_path / str(k), settings)["flights"][0])
+    plain = yields(tmp_path / "plain.csv", "id,block,n_kg_ha,yield_t_ha", trial_rows())
+    expected = furrowmap.response([plain], None, tmp_path / "plain", YIELD)["flights"][0]
+    assert answers[0] == answers[1]
+    assert answers[0]["models"] == expected["models"]
+    assert answers[0]["variance"] == expected["variance"]
+    assert len(answers[0]["blocks"]) == 4
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        (furrowmap.ResponseSettings(), "there is no column mean_height_m.*--measure: n_kg_ha, yield_t_ha"),
+        (furrowmap.ResponseSettings(measure="yeld"), "there is no column yeld.*--measure: n_kg_ha, yield_t_ha"),
+        (furrowmap.ResponseSettings(measure="variety"), "no cell under variety is a number.*--measure: n_kg_ha"),
+        (furrowmap.ResponseSettings(measure="yield_t_ha", sites=("farm",)), "no column farm.*--site: id, .*variety"),
+    ],
+)
+def test_a_wrong_column__is_named_with_those_that_fit(
+    tmp_path: Path, settings: furrowmap.ResponseSettings, says: str
+) -> None:
+    rows = [f"{row},{'AB'[k % 2]}" for k, row in enumerate(trial_rows())]
+    table = yields(tmp_path / "t.csv", "id,block,n_kg_ha,yield_t_ha,variety", rows)
+    with pytest.raises(InputError) as refused:
+        furrowmap.response([table], None, tmp_path / "out", settings)
+    assert refused.value.code == "parcel-table-unreadable"
+    assert re.search(says, " ".join(refused.value.lines))
+
+
+def test_a_factor_without_doses__is_analysed_alone(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    value = rng.normal(8.0, 0.3, (4, 3)) + np.array([0.0, 0.5, 1.5])
+    rows = [f"{k + 1},{k // 3 + 1},{'ABC'[k % 3]},{value[k // 3, k % 3]:.6f}" for k in range(12)]
+    table = yields(tmp_path / "varieties.csv", "id,block,variety,yield_t_ha", rows)
+    settings = furrowmap.ResponseSettings(measure="yield_t_ha", factors=("variety",))
+    variance = furrowmap.response([table], None, tmp_path / "out", settings)["flights"][0]["variance"]
+    value = np.round(value, 6)
+    between = 4 * ((value.mean(axis=0) - value.mean()) ** 2).sum()
+    assert variance["rows"][0] == pytest.approx(
+        {"source": "variety", "freedom": 2, "sum_squares": between} | {n: variance["rows"][0][n] for n in ("f", "p")}
+    )
+    assert [each["mean"] for each in variance["means"]] == pytest.approx(value.mean(axis=0))
+    assert (tmp_path / "out" / "treatments.svg").is_file()
+
+
+def test_a_table_without_dose_and_treatments__says_how_to_state_them(tmp_path: Path) -> None:
+    rows = [f"{k + 1},{30 * (k % 4)},{7.0 + 0.1 * k}" for k in range(12)]
+    table = yields(tmp_path / "t.csv", "id,nitrogen,yield_t_ha", rows)
+    found = furrowmap.response([table], None, tmp_path / "out", YIELD)
+    assert [notice["code"] for notice in found["warnings"]] == ["trial-without-dose"]
+    assert "Numbers are in: nitrogen" in found["warnings"][0]["text"]
+
+
+def test_a_confounded_factor__is_told_and_has_no_test(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [f"{row},{'AB'[(k // 7) % 2]}" for k, row in enumerate(trial_rows())]
+    table = yields(tmp_path / "t.csv", "id,block,n_kg_ha,yield_t_ha,variety", rows)
+    line = ["response", str(table), "--measure", "yield_t_ha", "--factor", "variety", "-o", str(tmp_path / "out")]
+    assert command_line(line) == 0
+    told = capsys.readouterr()
+    assert "variety is confounded with block" in told.err + told.out
+    assert "F of variety" not in told.out
+    account = json.loads((tmp_path / "out" / "response.json").read_text())
+    assert [notice["code"] for notice in account["warnings"]] == ["trial-confounded"]
+    assert sum(row["freedom"] for row in account["flights"][0]["variance"]["rows"]) == 27
+
+
+def test_a_table_of_treatments__may_name_parcels_in_german(trial: tuple[Path, Path], tmp_path: Path) -> None:
+    text = trial[1].read_text(encoding="utf-8").replace("id,treatment", "Parzelle,treatment")
+    trial[1].write_text(text, encoding="utf-8")
+    assert furrowmap.response([trial[0]], trial[1], tmp_path / "out")["flights"][0]["doses"] == 7
