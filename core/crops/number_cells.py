@@ -17,6 +17,8 @@ NODATA_CODES: Final = frozenset(
     {-99.0, -99.9, -99.99, -999.0, -999.9, -999.99, -9999.0, -9999.9, -32768.0, -99999.0, 999.0, 9999.0, 99999.0}
 )
 """Numbers that stand for an unknown value in tables of trials, where they lie far from the others."""
+LONGEST: Final = 60
+"""Characters of a number with its unit."""
 FAR_SPANS: Final = 3.0
 """Spans of the other numbers from which on a code is far from them."""
 _CELL: Final = re.compile(
@@ -44,9 +46,8 @@ class NumberCells:
 
     @property
     def mostly(self) -> bool:
-        """Whether half of the cells that are not empty or more are numbers."""
-        known = int(np.isfinite(self.values).sum())
-        return known > 0 and known >= len(self.faults)
+        """Whether more of the cells are numbers than anything else."""
+        return int(np.isfinite(self.values).sum()) > len(self.faults)
 
 
 def number_cells(cells: Sequence[Attribute | None], *, decimal_comma: bool = False) -> NumberCells:
@@ -55,7 +56,7 @@ def number_cells(cells: Sequence[Attribute | None], *, decimal_comma: bool = Fal
     A comma separates decimals if `decimal_comma`, or if a cell of the column shows it.
     """
     texts = [_plain(cell) if isinstance(cell, str) else "" for cell in cells]
-    found = [_CELL.fullmatch(text) for text in texts]
+    found = [_CELL.fullmatch(text) if len(text) <= LONGEST else None for text in texts]
     numbers = [match[1].strip() if match is not None else "" for match in found]
     units = ["".join((match[2] or "").casefold().split()) if match is not None else "" for match in found]
     mark = "," if decimal_comma else _decimal_mark([number for number in numbers if number])

@@ -17,6 +17,7 @@ from furrowmap.core.crops.dose_columns import (
     stated_column,
 )
 from furrowmap.core.crops.dose_response import fit_response
+from furrowmap.core.crops.parcel_areas import list_names
 from furrowmap.core.crops.response_models import ModelName
 from furrowmap.core.crops.response_values import Response, ResponseQuestion
 from furrowmap.core.crops.response_words import MAX_P
@@ -104,6 +105,9 @@ def analyse_trial(parcels: Sequence[Parcel], value: FloatArray, plan: TrialPlan)
         " ".join(filter(None, [site, (each.block or "") if plan.blocks else ""]))
         for site, each in zip(sites, parcels, strict=True)
     ]
+    without = [each.id for each in parcels if not each.block]
+    if plan.blocks and 0 < len(without) < len(parcels):
+        notices.append(Notice("trial-block-missing", names=list_names(without, "parcel"), total=len(parcels)))
     covariate = None
     if plan.covariate is not None:
         covariate, left_out = _numbers(parcels, plan.covariate)

@@ -69,14 +69,12 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
     doses = [(found["what"].strip() or DOSE, _day(found["day"], 1, unreadable), name) for name, found in dated.items()]
     by_row = DATE in table.columns
     row_days = [_day(*row, unreadable) for row in zip(table.columns[DATE], table.lines, strict=True)] if by_row else []
-    for name in dated:
-        if (fault := table.first_fault(name)) is not None:
-            line, text = fault
-            raise unreadable(Text("line {line} holds {text!r} under {name}", line=line, text=text, name=name))
     if (by_row or doses) and day is None:
         raise InputError("treatments-day", path=path)
     plain = [name for name in table.columns if name not in dated and name not in (column, DATE)]
-    numbers = {name: table.numbers(name) for name in (*plain, *dated)}
+    numbers = {name: table.numbers(name) for name in plain}
+    for name in (*dated, *(plain if by_row else ())):
+        numbers[name] = _summed(table, name, unreadable, is_dose=name in dated)
     rows: dict[str, dict[str, Attribute]] = {}
     for k, cell in enumerate(table.columns[column]):
         key = _label(cell)
@@ -98,6 +96,20 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
         for what, when, name in doses:
             _add_dose(row, what, when, float(numbers[name][k]) if name in texts else 0.0, day)
     return Treatments(path, TREATMENT if column == TREATMENT else "id", rows, table.notices)
+
+
+def _summed(table: TextTable, name: str, unreadable: Callable[[Words], InputError], *, is_dose: bool) -> FloatArray:
+    """Doses (n,) of a column to be summed up; nan throughout if it holds texts, unless it `is_dose`."""
+    found = number_cells(table.columns[name], decimal_comma=table.decimal_comma)
+    if not (is_dose or found.mostly):
+        return np.full(len(table.lines), np.nan)
+    wrong = [*found.faults, *found.codes, *([] if found.unclear is None else [found.unclear])]
+    if wrong:
+        text = table.columns[name][wrong[0]].strip()
+        raise unreadable(
+            Text("line {line} holds {text!r} under {name}", line=table.lines[wrong[0]], text=text, name=name)
+        )
+    return found.values
 
 
 def _add_dose(row: dict[str, Attribute], what: str, when: dt.date, dose: float, day: dt.date | None) -> None:

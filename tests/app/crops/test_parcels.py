@@ -271,3 +271,13 @@ def test_a_parcel_without_crop__has_no_standard_deviation_and_is_named(tmp_path:
     assert crop["height_sigma_m"] > 0.0
     (warning,) = [each for each in account["warnings"] if each["code"] == "parcels-without-sigma"]
     assert "1 parcel (bare) of 2: the height has no standard deviation" in warning["text"]
+
+
+def test_doses_as_texts_of_a_layer__are_read_and_those_without_a_number_named(trial: Path, tmp_path: Path) -> None:
+    layer = gpd.read_file(trial / "parcels.gpkg")
+    layer["n_kg_ha"] = ["80 kg", "120 kg", "n.a."]
+    layer.to_file(tmp_path / "parcels.gpkg")
+    account = furrowmap.parcels([trial / "flight.laz"], tmp_path / "parcels.gpkg", tmp_path / "out")
+    texts = [each["text"] for each in account["warnings"] if each["code"] == "trial-cells-unread"]
+    assert texts == ["n_kg_ha: 1 of 3 cells hold no number, the first 'n.a.' (parcel far). They are left out."]
+    assert "2 parcels with 2 different doses" in account["response"]["words"]

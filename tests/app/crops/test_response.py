@@ -385,3 +385,32 @@ def test_a_table_of_treatments__may_name_parcels_in_german(trial: tuple[Path, Pa
     text = trial[1].read_text(encoding="utf-8").replace("id,treatment", "Parzelle,treatment")
     trial[1].write_text(text, encoding="utf-8")
     assert furrowmap.response([trial[0]], trial[1], tmp_path / "out")["flights"][0]["doses"] == 7
+
+
+def test_parcels_without_a_block__are_told_where_others_have_one(tmp_path: Path) -> None:
+    rows = [row.replace(",1,", ",,", 1) if k in (2, 3) else row for k, row in enumerate(trial_rows())]
+    table = yields(tmp_path / "t.csv", "id,block,n_kg_ha,yield_t_ha", rows)
+    found = furrowmap.response([table], None, tmp_path / "out", YIELD)
+    assert [notice["code"] for notice in found["warnings"]] == ["trial-block-missing"]
+    assert found["warnings"][0]["text"].startswith("2 parcels (3, 4) of 28 have no block")
+    settings = furrowmap.ResponseSettings(measure="yield_t_ha", without_blocks=True)
+    assert furrowmap.response([table], None, tmp_path / "alone", settings)["warnings"] == []
+
+
+def test_a_spreadsheet__is_read_as_a_text_table(tmp_path: Path) -> None:
+    head = ["id", "block", "n_kg_ha", "yield_t_ha"]
+    wrong = {3: ("k.A.", doubled(150, 3)), 9: ("100", "<4.5")}
+    cells = [row.split(",") for row in trial_rows(wrong)]
+    plain = yields(tmp_path / "t.csv", ",".join(head), trial_rows(wrong))
+    book = openpyxl.Workbook()
+    assert book.active is not None
+    book.active.append(head)
+    for row in cells:
+        book.active.append([float(cell) if re.fullmatch(r"[\d.]+", cell) else cell for cell in row])
+    book.save(tmp_path / "t.xlsx")
+    found = [
+        furrowmap.response([path], None, tmp_path / path.suffix[1:], YIELD) for path in (plain, tmp_path / "t.xlsx")
+    ]
+    assert found[0]["flights"][0]["models"] == found[1]["flights"][0]["models"]
+    assert [each["text"] for each in found[0]["warnings"]] == [each["text"] for each in found[1]["warnings"]]
+    assert len(found[0]["warnings"]) == 2

@@ -72,6 +72,15 @@ def test_rows_with_a_date__are_summed(tmp_path: Path) -> None:
     }
 
 
+def test_units_behind_doses_by_date__are_read_over(tmp_path: Path) -> None:
+    plan = [["Treatment", "2017-03-16", "2017-04-20"], [1, "0 kg", ""], [2, "50 kg", "50,5 kg"], [7, "60 kg", ""]]
+    done, _ = with_treatments(PARCELS, read_treatments(csv(tmp_path / "plan.csv", plan), DAY))
+    assert [parcel.attributes["dose"] for parcel in done] == [0.0, 100.5, 60.0]
+    rows = [["plot", "date", "n", "remark"], [7, "2017-03-16", "50 kg", "late"], [7, "2017-04-20", "9 kg", "2"]]
+    done, _ = with_treatments(PARCELS, read_treatments(csv(tmp_path / "rows.csv", rows), DAY))
+    assert (done[0].attributes["n"], done[0].attributes["remark"]) == (59.0, "late")
+
+
 def test_a_block__of_the_table_is_that_of_the_parcel(tmp_path: Path) -> None:
     file = csv(tmp_path / "t.csv", [["id", "rep", "treatment"], [7, 1, "N0"], [8, 2, "N50"]])
     done, _ = with_treatments(PARCELS, read_treatments(file))
@@ -85,6 +94,12 @@ def test_a_block__of_the_table_is_that_of_the_parcel(tmp_path: Path) -> None:
         ([["id", "n_kg_ha"], [7, 0], [99, 50]], "treatments-unknown", r"1 parcel \(99\)"),
         ([["id", "n_kg_ha"], [7, 0], [7, 50]], "treatments-twice", "line 3: id 7"),
         ([["id", "2017-03-16"], [7, "fifty"]], "treatments-unreadable", "'fifty' under 2017-03-16"),
+        ([["id", "2017-03-16"], [7, "50"], [8, "-9999"]], "treatments-unreadable", "'-9999' under 2017-03-16"),
+        (
+            [["id", "date", "n"], [7, "2017-03-16", "50 kg"], [7, "2017-04-20", "k.A."], [8, "2017-04-20", "9 kg"]],
+            "treatments-unreadable",
+            "line 3 holds 'k.A.' under n",
+        ),
         ([["id", "date", "n"], [7, "16 March", 1]], "treatments-unreadable", "'16 March' is no date"),
         ([["id", "n_kg_ha"], [None, 0]], "treatments-unreadable", "has no id"),
         ([["n_kg_ha", "x"], [1, 1]], "treatments-unreadable", "no rows under a column"),
