@@ -51,6 +51,8 @@ def batch(
         "results": found.results,
         "run": found.run,
         "unchanged": found.unchanged,
+        "warnings": {row.name: row.outcome.figures.get("warnings", 0) for row in found.sessions},
+        "damaged": [{"name": name, "warnings": notices} for name, notices in found.damaged.items()],
         "failed": [{"name": name, "code": failure.code, "lines": failure.lines} for name, failure in failures],
         "estimate_s": found.estimate_s,
     }
@@ -70,8 +72,24 @@ def _planned(found: Batch) -> str:
 
 def _done(found: Batch) -> str:
     failed = [row for row in found.sessions if row.outcome.failure is not None]
-    rows = [("run", str(len(found.run))), ("unchanged", str(len(found.unchanged))), ("failed", str(len(failed)))]
-    return "\n".join([f"{printable(str(found.results))}:", table(rows), *_failures(found)])
+    rows = [
+        ("run", str(len(found.run))),
+        ("unchanged", str(len(found.unchanged))),
+        ("failed", str(len(failed))),
+        ("with warnings", str(sum(bool(row.outcome.figures.get("warnings")) for row in found.sessions))),
+        ("damaged inputs", str(len(found.damaged))),
+    ]
+    return "\n".join([f"{printable(str(found.results))}:", table(rows), *_damages(found.damaged), *_failures(found)])
+
+
+def _damages(damaged: dict[str, list[dict[str, Any]]]) -> list[str]:
+    """Names of the sessions whose inputs are damaged, and the warnings that say so."""
+    key = f"text_{language_of_user()}"
+    lines = []
+    for name, notices in list(damaged.items())[:_MAX_NAMES]:
+        told = [str(notice.get(key, notice["text"])) for notice in notices]
+        lines += [f"{printable(name)}:", *(f"  {printable(line)}" for line in told)]
+    return [*lines, f"  … {len(damaged) - _MAX_NAMES} more"] if len(damaged) > _MAX_NAMES else lines
 
 
 def _failures(found: Batch) -> list[str]:

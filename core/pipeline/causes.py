@@ -8,7 +8,13 @@ from typing import Final
 
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 
+DAMAGED: Final = (
+    "cut-stream", "stream-cut", "cut-capture", "damaged-records", "bag-cut", "bag-chunk-damaged", "bag-file-missing",
+    "osf-damaged", "time-log-damaged", "points-without-pose.log-shorter",
+)  # fmt: skip
+"""Codes or keys of inputs that end early, or of which whole parts are lost."""
 AT_TOP: Final = (
+    *DAMAGED,
     "mounting-identity",
     "antenna-unknown",
     "mounting-off",
@@ -31,9 +37,9 @@ AT_TOP: Final = (
     "lever-assumed",
     "slow-errors-assumed",
 )
-"""Codes of what was corrected, or is assumed, and moves the whole of a cloud or map: reports show it at the top.
+"""Of lost input, and of what was corrected or is assumed and moves a whole cloud or map: first in reports.
 
-What is missing in the session comes first, then what is wrong in a log or the session, last what nothing confirms.
+What is missing comes first, then what is wrong in a log or the session, last what nothing confirms.
 """
 CONTRADICTING_CODES: Final = (
     CONTRADICTION,
@@ -140,6 +146,8 @@ FOLLOWS: Final[Mapping[str, tuple[str, ...]]] = {
     "images-missing": ("images-without-pose", "nothing-coloured"),
     "images-without-pose": ("nothing-coloured",),
     "lost-packets": ("pauses",),
+    "cut-stream": ("cut-capture",),
+    "bag-cut": ("bag-orphans", "bag-count"),
 }
 """By the code or key of a cause: the codes or keys of the warnings that follow from it where both stand."""
 _UNTIL_ENTERED: Final = ("mounting-identity", "antenna-unknown")
@@ -159,6 +167,11 @@ class Finding:
     def all(self) -> tuple[Notice, ...]:
         """The warning and what follows from it."""
         return self.notice, *self.follows
+
+
+def is_one_of(notice: Notice, names: Sequence[str]) -> bool:
+    """Whether the code or the key of a warning is among some."""
+    return notice.code in names or notice.key in names
 
 
 def findings(notices: Sequence[Notice]) -> list[Finding]:

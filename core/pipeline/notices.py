@@ -19,6 +19,8 @@ MIN_OUTAGE_S: Final = 2.0
 """Shorter times without positions give no warning."""
 MIN_NOT_FIXED_SHARE: Final = 0.05
 """A smaller share of the time without a fixed solution gives no warning."""
+MAX_BEYOND_POSITIONS: Final = 0.2
+"""Where more of the points lie before or after all positions, the log of positions may be cut."""
 _GOOD: Final = (Fix.FIXED, Fix.SIMULATED, -1)
 """Quality of fixed solutions; poses from a file have none."""
 
@@ -167,7 +169,7 @@ def placement_notices(placement: Placement) -> list[Notice]:
         outside = placement.points_outside
         notices.append(
             Notice(
-                "points-without-pose",
+                f"points-without-pose{'.log-shorter' * (outside > MAX_BEYOND_POSITIONS * placement.points_read)}",
                 lost=lost,
                 points_read=placement.points_read,
                 lost_scaled=lost / placement.points_read,

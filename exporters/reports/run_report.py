@@ -19,7 +19,7 @@ from furrowmap.core.coverage.worked_ground import AreaFigure, WorkedGround
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
 from furrowmap.core.implement.external_states import NEAR_S
 from furrowmap.core.matching.consistency import Cause
-from furrowmap.core.pipeline.causes import AT_TOP, Finding, cause_of, findings
+from furrowmap.core.pipeline.causes import AT_TOP, DAMAGED, Finding, cause_of, findings, is_one_of
 from furrowmap.core.pipeline.notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.errors import CHECK_POINTS_OFF, CONTRADICTION, Notice
@@ -75,7 +75,8 @@ def run_report(
         "live": None,
         "clocks": _clocks(found),
         "warnings": [
-            in_all_languages(notice, found.zone) | {"follows": cause.code if cause is not None else None}
+            in_all_languages(notice, found.zone)
+            | {"follows": cause.code if cause is not None else None, "damaged": is_one_of(notice, DAMAGED)}
             for notice in found.notices
             for cause in [cause_of(notice, found.notices)]
         ],
@@ -167,7 +168,7 @@ def verdict(found: RunResult) -> dict[str, Any]:
         kinds = [FLIGHT_CAUSES.get(n.code, FLIGHT_CAUSES.get(n.key, n.key.partition(".")[2])) for n in contradictions]
         seen = {"consistent": not kinds if found.located.source == "imu" or kinds else None}
         seen |= {"cause": kinds[0] if kinds else None, "causes": kinds} if seen["consistent"] is not None else {}
-    doubtful = [*contradictions[1:], *(notice for notice in found.notices if notice.code in AT_TOP)]
+    doubtful = [*contradictions[1:], *(notice for notice in found.notices if is_one_of(notice, AT_TOP))]
     doubts = [in_local_time(notice.text, found.zone) for notice in doubtful]
     others: dict[str, Any] = {}
     for language in LANGUAGES[1:]:
@@ -195,7 +196,7 @@ def top_findings(found: RunResult) -> list[Finding]:
     return [
         finding
         for finding in findings(found.notices)
-        if any(notice.code in AT_TOP or notice in contradictions for notice in finding.all)
+        if any(is_one_of(notice, AT_TOP) or notice in contradictions for notice in finding.all)
     ]
 
 

@@ -97,12 +97,14 @@ def batch_page(rows: Sequence[Row]) -> str:
         when=days_words(days[0], days[-1]) if days else "",
         done=done,
         failed=[row for row in rows if row.outcome.failure is not None],
+        damaged=[row for row in done if row.damaged],
         sums={
             name: sum(float(row.outcome.figures.get(name) or 0.0) for row in done)
             for name in ("worked_area_m2", "duration_s", "points")
         },
         start=_start,
         error_lines=_error_lines,
+        notice_text=_notice_text,
         page=REPORT_PAGE,
         table=BATCH_TABLE,
         layers=BATCH_LAYERS,
@@ -114,6 +116,11 @@ def _error_lines(failure: Failure) -> list[str]:
     """What is wrong, what that means, and what to do."""
     by_language = {language: failure.lines_in(language) for language in LANGUAGES}
     return [said({language: lines[k] for language, lines in by_language.items()}) for k in range(len(failure.lines))]
+
+
+def _notice_text(notice: Mapping[str, Any]) -> str:
+    """A warning of a report."""
+    return said({language: str(notice.get(f"text_{language}", notice["text"])) for language in LANGUAGES})
 
 
 def _start(row: Row) -> str:

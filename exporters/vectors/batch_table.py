@@ -46,6 +46,11 @@ class Row:
         """`done` or `failed`."""
         return "failed" if self.outcome.failure is not None else "done"
 
+    @property
+    def damaged(self) -> list[dict[str, Any]]:
+        """The warnings, in all languages, that tell of damaged inputs; none in the state of earlier versions."""
+        return list(self.outcome.figures.get("damaged", ()))
+
 
 def outlines(layers: Mapping[str, Any], frame: MapFrame) -> tuple[str, str]:
     """Footprint (hull of trajectory and worked ground) and track of a result, in lon and lat as hexadecimal WKB."""
@@ -65,7 +70,7 @@ def outlines(layers: Mapping[str, Any], frame: MapFrame) -> tuple[str, str]:
 def write_table(folder: Path, rows: Sequence[Row]) -> None:
     """Write :data:`BATCH_TABLE`."""
     columns = (
-        *("name", "status", "session", "field", *BATCH_FIGURES, "warnings"),
+        *("name", "status", "session", "field", *BATCH_FIGURES, "warnings", "damaged"),
         *("run_s", "processor_s", "peak_mb", "code", "error", "file"),
     )
     write_csv(folder / BATCH_TABLE, columns, map(_cells, rows))
@@ -77,6 +82,7 @@ def _cells(row: Row) -> list[object]:
     failure = (outcome.failure.code, " ".join(outcome.failure.lines)) if outcome.failure is not None else ("", "")
     values = [row.name, row.status, figures.get("session"), row.field]
     values += [figures.get(name) for name in (*BATCH_FIGURES, "warnings")]
+    values.append(" ".join(notice["text"] for notice in row.damaged))
     return [*values, outcome.seconds, outcome.processor_s, outcome.peak_mb, *failure, row.file]
 
 

@@ -10,7 +10,7 @@ from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from time import monotonic, perf_counter, process_time, sleep
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
@@ -177,6 +177,7 @@ def _outcome(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSe
     inputs = tuple(replace(one, sha256=digests.get(resolved(Path(one.path)), "")) for one in stamps)
     figures = {name: report["figures"][name] for name in BATCH_FIGURES if name in report["figures"]}
     figures |= {"session": report["session"]["name"], "warnings": len(report["warnings"])}
+    figures |= {"damaged": [one for one in report["warnings"] if one.get("damaged") and one["follows"] is None]}
     footprint, track = outlines(result.layers, opened.frame)
     return SessionOutcome(key, inputs, figures=figures, footprint=footprint, track=track)
 
@@ -208,6 +209,11 @@ class Batch:
     failed: tuple[str, ...] = ()
     estimate_s: float | None = None
     notices: tuple[Notice, ...] = ()
+
+    @property
+    def damaged(self) -> dict[str, list[dict[str, Any]]]:
+        """Warnings, in all languages, of damaged inputs: by the names of the sessions that have any."""
+        return {row.name: row.damaged for row in self.sessions if row.damaged}
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import gzip
+import html
 import os
 import shutil
 import sys
@@ -20,7 +22,8 @@ from hypothesis import strategies as st
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.runtime.errors import FurrowmapError, InputError
+from furrowmap.core.pipeline.causes import DAMAGED, is_one_of
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 from furrowmap.exporters.files.batch_state import STATE, batch_state
 from furrowmap.workflows.batch import dask, workforce
 from furrowmap.workflows.batch.batch import _lost
@@ -110,6 +113,45 @@ def test_batch__runs_each_session_once_and_tells_what_failed(
     changed = furrowmap.batch([season], results, ONE)
     assert changed.run == ("north_june",)
     assert furrowmap.open_result(results / "north_june").report["session"]["name"] == "North"
+
+
+def test_batch__names_damaged_inputs(
+    simulated: furrowmap.Simulated, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Captures and logs that end early give results; the end of the output, the tables and the verdicts say so."""
+    packets = (simulated.folder / "recording.pcap").read_bytes()
+    log = (simulated.folder / "gnss.nmea").read_bytes()
+    zipped = gzip.compress(packets, 1)
+    made = {
+        "whole": (packets, log),
+        "gzip": (zipped[: len(zipped) // 2], log),
+        "checksum": (zipped[:-8] + bytes(8), log),
+        "capture": (packets[: len(packets) // 2 + 1], log),
+        "positions": (packets, log[: len(log) // 2]),
+    }
+    for name, (capture, positions) in made.items():
+        folder = tmp_path / "season" / name
+        folder.mkdir(parents=True)
+        (folder / "recording.pcap").write_bytes(capture)
+        (folder / "gnss.nmea").write_bytes(positions)
+        for file in ("session.toml", "boundary.geojson"):
+            shutil.copy(simulated.folder / file, folder)
+    results = tmp_path / "results"
+    assert command_line(["batch", str(tmp_path / "season"), "-o", str(results), "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert f"damaged inputs  {len(made) - 1}\n" in said
+    page = (results / "batch.html").read_text(encoding="utf-8")
+    rows = {row["name"]: row for row in csv.DictReader((results / "batch.csv").open(encoding="utf-8"))}
+    for name in made:
+        verdict = furrowmap.open_result(results / name).report["verdict"]
+        damage = [one for one in verdict["findings"] if is_one_of(Notice.from_values(one["code"], {}), DAMAGED)]
+        assert bool(rows[name]["damaged"]) == (f"\n{name}:\n" in said) == (name != "whole")
+        if name == "positions":
+            assert "covers only part of the recording" in rows[name]["damaged"]
+            assert any("covers only part of the recording" in doubt for doubt in verdict["doubts"])
+        else:
+            assert bool(damage) == (name != "whole")
+            assert all(html.escape(one["text"]) in page for one in damage)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are Unicode elsewhere")
