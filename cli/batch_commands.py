@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 import furrowmap
-from furrowmap.cli.command_options import Paths, command, files, flag, output, overwrite, settings_options
+from furrowmap.cli.command_options import (
+    Paths,
+    command,
+    files,
+    flag,
+    output,
+    overwrite,
+    results_among,
+    settings_options,
+)
 from furrowmap.cli.console import Console
 from furrowmap.cli.result_tables import table, written
 from furrowmap.core.runtime.errors import printable
@@ -130,7 +139,9 @@ def season(console: Console, results: Paths, output: Path, settings: SeasonSetti
     not computed again.
     """
     with console.work(passing=True) as progress:
-        made = furrowmap.season(results, output, settings, overwrite=overwrite, say=console.say, progress=progress)
+        made = furrowmap.season(
+            results_among(console, results), output, settings, overwrite=overwrite, say=console.say, progress=progress
+        )
     console.warn_all(made.notices)
     rows = [
         ("sessions", str(made.sessions)),
@@ -159,7 +170,9 @@ def tie(console: Console, results: Paths, output: Path, settings: TieSettings, *
     (dsm_NN.tif), the change from each date to the next (change_NN_NN.tif), tie.gpkg, tie.html and tie.json.
     """
     with console.work() as progress:
-        account = furrowmap.tie(results, output, settings, overwrite=overwrite, progress=progress, warn=console.warn)
+        account = furrowmap.tie(
+            results_among(console, results), output, settings, overwrite=overwrite, progress=progress, warn=console.warn
+        )
     console.answer({"folder": output, **account}, _tie_words(account, output))
 
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.core.runtime.errors import OptionError, UsageError
+from furrowmap.core.runtime.errors import OptionError, UsageError, printable
 from furrowmap.core.runtime.languages.texts import LANGUAGES, Text
 from furrowmap.core.runtime.options import Option, options_of
 from furrowmap.core.runtime.settings import ALLOWANCES, allowing, using_threads
@@ -271,6 +271,18 @@ def overwrite(text: str) -> Decorator:
 def files(name: str, metavar: str) -> Decorator:
     """An argument that is one file or more."""
     return click.argument(name, metavar=metavar, nargs=-1, required=True, type=FILE)
+
+
+def results_among(console: Console, paths: Paths) -> Paths:
+    """The results among arguments such as `results/*`, which also names the tables that a batch writes beside them.
+
+    Files are left out, and named, where at least one argument is a folder; GeoPackages of tasks stay.
+    """
+    stray = [path for path in paths if path.is_file() and (path.suffix != ".gpkg" or path.name == "batch.gpkg")]
+    if not stray or not any(path.is_dir() for path in paths):
+        return paths
+    console.say(f"left out, no results: {printable(', '.join(map(str, stray)))}")
+    return tuple(path for path in paths if path not in stray)
 
 
 def settings_options(settings: type, parameter: str = "settings") -> Decorator:

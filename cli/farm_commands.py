@@ -18,6 +18,7 @@ from furrowmap.cli.command_options import (
     option,
     output,
     overwrite,
+    results_among,
     settings_options,
 )
 from furrowmap.cli.console import Console
@@ -80,7 +81,7 @@ def add(console: Console, folders: Paths, target: str, **options: Any) -> None:
     """
     options["zone"] = _zone(options["zone"])
     with console.work(passing=True) as progress:
-        change = furrowmap.add_to_farm_map(target, folders, **options, progress=progress)
+        change = furrowmap.add_to_farm_map(target, results_among(console, folders), **options, progress=progress)
     console.warn_all(change.notices)
     console.answer(change, _words(change))
 

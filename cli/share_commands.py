@@ -6,7 +6,7 @@ from typing import Any, Final
 import click
 
 import furrowmap
-from furrowmap.cli.command_options import FILE, command, files, flag, option, output, overwrite
+from furrowmap.cli.command_options import FILE, command, files, flag, option, output, overwrite, results_among
 from furrowmap.cli.console import Console
 from furrowmap.core.runtime.errors import printable
 
@@ -71,7 +71,7 @@ def export(console: Console, results: tuple[Path, ...], to: str, output: Path | 
     software. glb is the surface with its orthophoto as a textured mesh, for 3D viewers.
     """
     with console.work() as progress:
-        done = furrowmap.export(results, to, output, **options, progress=progress)
+        done = furrowmap.export(results_among(console, results), to, output, **options, progress=progress)
     console.warn_all(done.notices)
     console.answer(
         {"target": done.target, "files": done.files, "warnings": done.notices},

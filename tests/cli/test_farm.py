@@ -37,6 +37,19 @@ def call(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[in
     return status, captured.out, captured.err
 
 
+def test_add__leaves_out_the_tables_of_a_batch(
+    folders: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`results/*` names them too. Alone they are refused."""
+    tables = [tmp_path / name for name in ("batch.csv", "batch.gpkg", "batch.html")]
+    for table in tables:
+        table.write_text("name,status\n")
+    status, _, said = call(capsys, "farm", "add", *tables, *folders, tmp_path / "farm.gpkg")
+    assert status == 0
+    assert all(str(table) in said for table in tables)
+    assert call(capsys, "farm", "add", tables[0], tmp_path / "other.gpkg")[0] == 3
+
+
 def test_farm__is_filled_listed_emptied(
     folders: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
