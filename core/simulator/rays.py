@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from furrowmap.core.runtime.kernels import kernel_part
 from furrowmap.core.simulator.noise import Float32Array, FloatArray, random_for
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.site import CELL_M as CELL
 from furrowmap.core.simulator.site import CROP_CELL_M as CROP_CELL
-from furrowmap.core.simulator.soil_over_time import NOISE_BLOCK, Ground, ceiling_of, relief_at, tops_of
+from furrowmap.core.simulator.soil_over_time import NOISE_BLOCK, Ground, ceiling_of, kernel, relief_at, tops_of
 
 
 class Met(IntEnum):
@@ -298,7 +297,7 @@ def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
     return Returns(ticks, reflectivity, met, cell)
 
 
-@kernel_part()
+@kernel()
 def _mix(x):  # type: ignore[no-untyped-def]
     """The next value of SplitMix64 from the state `x`."""
     z = np.uint64(x)
@@ -307,14 +306,14 @@ def _mix(x):  # type: ignore[no-untyped-def]
     return z ^ (z >> np.uint64(31))
 
 
-@kernel_part()
+@kernel()
 def _chance(seed, ray, draw):  # type: ignore[no-untyped-def]
     """A number from (0, 1) for a ray and a purpose."""
     state = np.uint64(seed) + np.uint64(ray * 16 + draw + 1) * np.uint64(0x9E3779B97F4A7C15)
     return (np.float64(_mix(state) >> np.uint64(11)) + 0.5) * (1.0 / 9007199254740992.0)
 
 
-@kernel_part()
+@kernel()
 def _straw_height(seed, place, straw):  # type: ignore[no-untyped-def]
     """Height of the straw of a cell: most of it is short; plants of a crop, in rows, are nearly alike."""
     chance = _chance(seed, place, 15)
@@ -322,7 +321,7 @@ def _straw_height(seed, place, straw):  # type: ignore[no-untyped-def]
     return straw[1] * (0.8 + 0.2 * chance if rows_of_crop else chance**3)
 
 
-@kernel_part()
+@kernel()
 def _add_straw(tops, straw, seed):  # type: ignore[no-untyped-def]
     """Raise the highest of each cell by its straw."""
     rows, cols = tops.shape
@@ -333,7 +332,7 @@ def _add_straw(tops, straw, seed):  # type: ignore[no-untyped-def]
                 tops[row, col] += _straw_height(seed, place, straw)
 
 
-@kernel_part()
+@kernel()
 def _meet_box(x, y, z, dx, dy, dz, x0, x1, y0, y1, z0, z1):  # type: ignore[no-untyped-def]
     """(range, cosine of the incidence) at which a beam from outside enters a box; inf where it does not."""
     if (x > x1 and dx >= 0.0) or (x < x0 and dx <= 0.0) or (y > y1 and dy >= 0.0) or (y < y0 and dy <= 0.0):
@@ -378,7 +377,7 @@ def _meet_box(x, y, z, dx, dy, dz, x0, x1, y0, y1, z0, z1):  # type: ignore[no-u
     return enter, cosine
 
 
-@kernel_part()
+@kernel()
 def _meet_post(x, y, z, dx, dy, dz, post):  # type: ignore[no-untyped-def]
     """(range, cosine of the incidence) at which a beam meets the mantle of an upright post."""
     ex = x - post[0]
@@ -395,7 +394,7 @@ def _meet_post(x, y, z, dx, dy, dz, post):  # type: ignore[no-untyped-def]
     return s, abs((ex + s * dx) * dx + (ey + s * dy) * dy) / post[2]
 
 
-@kernel_part()
+@kernel()
 def _wrap(i, n):  # type: ignore[no-untyped-def]
     """The row or column of the ground that stands for `i`, the ground repeating itself beyond its edges."""
     if i >= n:
@@ -405,7 +404,7 @@ def _wrap(i, n):  # type: ignore[no-untyped-def]
     return i
 
 
-@kernel_part()
+@kernel()
 def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore[no-untyped-def]
     """(range, what) at which a beam, above the mean plane by z and sinking by -dz, meets soil, straw or crop."""
     ground = scene.ground
@@ -480,7 +479,7 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
     return math.inf, 0
 
 
-@kernel_part()
+@kernel()
 def _of_target(target, east, north, ground):  # type: ignore[no-untyped-def]
     """Reflectivity at a place beside the middle of a disc or checkerboard; that of the ground off it."""
     half = target[2]
@@ -493,7 +492,7 @@ def _of_target(target, east, north, ground):  # type: ignore[no-untyped-def]
     return target[4] if along * across > 0.0 else target[5]
 
 
-@kernel_part()
+@kernel()
 def _in_dust(x, y, z, dx, dy, dz, cloud):  # type: ignore[no-untyped-def]
     """(from, to) of a beam's way through the dust, inf where it passes by."""
     px = (x - cloud[0]) / cloud[3]
@@ -511,7 +510,7 @@ def _in_dust(x, y, z, dx, dy, dz, cloud):  # type: ignore[no-untyped-def]
     return max(0.0, (-b - root) / a), (-b + root) / a
 
 
-@kernel_part()
+@kernel()
 def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflectivity, met):  # type: ignore[no-untyped-def]
     """Measure one return with its errors; whether it was measured at all."""
     if optics.noise[2] > 0.0:
@@ -534,7 +533,7 @@ def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflect
     return True
 
 
-@kernel_part()
+@kernel()
 def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectivity, met, cell):  # type: ignore[no-untyped-def]
     ground = scene.ground
     mount = optics.mount
