@@ -48,9 +48,8 @@ ELEVATION = "2026-May-01\n$FieldDir\nElevation\nLatitude,Longitude,Elevation,Qua
 
 
 def implements(folder: Path) -> list[Files]:
-    region = replace(
-        TILLER.region, columns=np.ones(IMAGE_COLUMNS, bool), still_m=np.ones((2, IMAGE_COLUMNS), np.float32)
-    )
+    still_m = np.ones((2, IMAGE_COLUMNS), np.float32)
+    region = TILLER.region._replace(columns=np.ones(IMAGE_COLUMNS, bool), still_m=still_m)
     template = SideTemplate(SideViewGrid(-3.0, 0.0, 6, 9), np.ones((6, 9), np.float32))
     save_implement(folder / "implement.npz", replace(TILLER, region=region, template=template))
     return [{"implement.npz": (folder / "implement.npz").read_bytes()}]

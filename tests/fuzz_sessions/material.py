@@ -388,7 +388,7 @@ def _tables(folder: Path, track: GnssTrack) -> Made:
     shifts = "SemiDyna2026.par\r\n" + 14 * "\r\n" + "MeshCode dB(sec) dL(sec) dH(m)\r\n" + codes
     place = folder / "implement.npz"
     columns = np.ones(IMAGE_COLUMNS, bool)
-    region = replace(TILLER.region, columns=columns, still_m=np.ones((2, IMAGE_COLUMNS), np.float32))
+    region = TILLER.region._replace(columns=columns, still_m=np.ones((2, IMAGE_COLUMNS), np.float32))
     save_implement(place, replace(TILLER, region=region))
     yield "implement.npz", {"implement.npz": place.read_bytes()}, ("implement.learned",)
     yield "igs20.atx", {"igs20.atx": antex(SATELLITE, ZEPHYR).encode()}, ("antenna.antex",)
