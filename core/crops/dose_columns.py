@@ -30,7 +30,8 @@ def dose_name(parcels: Sequence[Parcel], stated: str | None = None) -> str | Non
         return next((name for word in DOSE_WORDS for name in numbers if word in name.casefold()), None)
     column = stated_column(names, stated)
     if column is None or not np.isfinite(found[column].values).any():
-        raise InputError("dose-unknown", stated=stated, numbers=", ".join(number_columns(parcels)) or "none")
+        numbers = [name for name in names if np.isfinite(found[name].values).any()]
+        raise InputError("dose-unknown", stated=stated, numbers=", ".join(numbers) or "none")
     return column
 
 
