@@ -128,7 +128,7 @@ class FieldPoints:
         strips: Sequence[Interval] = (),
         edges: ToolEdges | None = None,
     ) -> Iterator[FieldTile]:
-        """The surfaces, tile by tile, computed beside the compression of the cloud, whose threads give way.
+        """The surfaces, tile by tile, computed in half of the threads: beside them the cloud is compressed.
 
         A tile of millions of points takes 17 bytes for each of them. `passages` are of the tool's line; `strips` of a
         flight are counted; `edges` sum up what changes across the line.
@@ -140,7 +140,7 @@ class FieldPoints:
         def made(key: Square) -> FieldTile:
             return field_tile(spool.tile(key), passages, statistic, strips, edges)
 
-        with ThreadPoolExecutor(threads()) as pool:
+        with ThreadPoolExecutor(max(1, threads() // 2)) as pool:
             for number, tile in enumerate(in_turn(pool, made, spool.tiles, TILES_AHEAD), start=1):
                 yield tile
                 if number % TILES_AHEAD == 0:
