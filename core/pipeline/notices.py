@@ -167,9 +167,10 @@ def placement_notices(placement: Placement) -> list[Notice]:
     if placement.points_without_pose:
         lost = placement.points_without_pose
         outside = placement.points_outside
+        log_is_shorter = outside > MAX_BEYOND_POSITIONS * placement.points_read
         notices.append(
             Notice(
-                f"points-without-pose{'.log-shorter' * (outside > MAX_BEYOND_POSITIONS * placement.points_read)}",
+                "points-without-pose.log-shorter" if log_is_shorter else "points-without-pose",
                 lost=lost,
                 points_read=placement.points_read,
                 lost_scaled=lost / placement.points_read,
