@@ -53,6 +53,9 @@ UNCERTAIN_AFTER_M: Final = 2.5
 """The first pose has a standard deviation of the heading below the first and a way behind it above the second, or above
 the third while it is not certain which way is forward, unless two antennas show the heading: others navigate by what is
 sent, and turns matched to the ground of a few scans err by more than is stated."""
+SMOOTH_HEADING_DEG: Final = 8.0
+SMOOTH_AFTER_M: Final = 5.0
+"""The same where positions alone show the heading, as on asphalt."""
 STAND_BEFORE_START_M: Final = 0.1
 """Scans from before, while the vehicle stood within this, show the ground best."""
 BETTER: Final = 4.0
@@ -64,7 +67,14 @@ TURN_SIGMA_RAD: Final = np.radians(0.1)
 """Of the turn that a scan shows; it does not add up, because scans are matched to what several before them saw."""
 TURN_WALK: Final = np.radians(0.1)
 """Of the sum of the turns after a second."""
-MOVE_SIGMA: Final = np.array([0.01, 0.01, 0.05, 0.01, 0.01, 0.02])
+UNSEEN_TURN_S: Final = 1.0
+UNSEEN_TURN_MPS: Final = 1.0
+"""Turns that scans do not show go on for so long; slower vehicles turn less, in proportion to their speed."""
+TURN_BY_POSITIONS: Final = 0.3
+TURN_STEP_S: Final = 0.04
+"""Share of a correction of the heading by positions that is taken for a rate of turn where scans do not show any, if
+positions come in steps of more than this."""
+MOVE_SIGMA: Final = np.array([0.01, 0.01, 0.05, 0.01, 0.01, 0.03])
 """Of what is expected of a scan: place and height (m), turns about the axes (rad)."""
 LOST_SIGMAS: Final = np.array([0.05, 0.05, *MOVE_SIGMA[2:]])
 """The same without positions, where the vehicle may have stopped and scans do not show how far it goes."""
@@ -72,8 +82,9 @@ LOST_ACCELERATION: Final = 0.5
 """Change of the speed after a second without positions (m/s, one standard deviation), before scans show it."""
 LOST_SIGMA: Final = 0.1
 """Of the speed by which a gap between positions begins (m/s)."""
-SHOWN_SIGMA_M: Final = 0.010
-"""Ground that shows the way of a scan worse than this is too smooth: noise would show it as well."""
+SHOWN_SIGMA_M: Final = (0.010, 0.020)
+"""Ground that shows the way of a scan worse than the first, and the second for the second after a position, is too
+smooth: from one position to the next the speed before shows it better."""
 CONTRADICTED: Final = 12.0
 CONTRADICTION_SHARE: Final = 0.2
 """Positions whose squared deviations from the way by scans are above the one, in a mean that each has the other in,
@@ -87,6 +98,8 @@ MAX_CORRECTION_M: Final = 0.05
 PLANE_RANGE_M: Final = (SELF_RANGE_M[0], 9.0)
 PLANE_ROUNDS: Final = 4
 FIRST_PLANE_RETURNS: Final = 300
+FIRST_PLANE_SHARE: Final = 0.5
+"""A plane that holds a smaller share of the returns is none, as in maize."""
 SWAY_SIGMA_RAD: Final = np.radians(0.12)
 """What scans do not show of the sway."""
 
@@ -229,9 +242,11 @@ class LivePoses:
                 drive.add(each, positions, is_certain=len(self._drives) == 1)
             self._choose()
         pose = self.at(_middle_s(scan)) if not self._first else None
-        if pose is not None and pose.sigma[5] < KNOWN_HEADING_DEG:
+        if pose is not None and pose.sigma[5] < SMOOTH_HEADING_DEG:
             by_antennas = positions is not None and bool(np.isfinite(positions.yaw_rad[-1]))
             least_m = KNOWN_AFTER_M if self.direction_is_certain else UNCERTAIN_AFTER_M
+            if pose.sigma[5] > KNOWN_HEADING_DEG:
+                least_m = SMOOTH_AFTER_M
             self._heading_known |= by_antennas or abs(self._drives[0].way_m) > least_m
         return pose if self._heading_known else None
 
@@ -338,7 +353,8 @@ class _Drive:
         self._lost = (0.0, 0.0)  # covariance of place and speed (m²/s), variance of the speed (m²/s²)
         self._matched_s = -np.inf
         self._step_s = 0.0  # usual one between positions
-        self._shows_way = False
+        self._is_certain = False
+        self._unseen_turn = 1.0  # share of the variance of what is expected of a turn that the last scan left
         self._contradiction = 0.0  # of the way by scans by positions: squared deviation, a mean of the last ones
         self._way_sigma_m = np.inf  # by which a scan shows how far the vehicle went, a mean of the last ones
         self.known = np.zeros((0, 16))
@@ -355,7 +371,7 @@ class _Drive:
         """Add a scan, and the positions up to it; whether the direction of the drive is certain."""
         if positions is not None:
             self._step_s = float(np.median(np.diff(positions.t_s)))
-        self._shows_way = is_certain and self._way_sigma_m < SHOWN_SIGMA_M
+        self._is_certain = is_certain
         is_far = _middle_s(scan) - self._path.end_s > MAX_SCAN_STEP_S
         self._add_turn(scan)
         if positions is not None:
@@ -409,8 +425,9 @@ class _Drive:
         sigma_yaw = float(np.sqrt(row[13] ** 2 + TURN_SIGMA_RAD**2 + variance))
         moved_sigma_m = np.hypot(moved_sigma_m, sigma_yaw * float(np.hypot(*moved[:2])))
         leans = t_s - self._matched_s < MAX_CARRIED_S
+        tilt_rad = SWAY_SIGMA_RAD if leans else np.radians(TILT_SIGMA_DEG)
         roll_deg, pitch_deg = (float(np.degrees(np.hypot(s, SWAY_SIGMA_RAD))) for s in row[11:13])
-        sway_m = SWAY_SIGMA_RAD * abs(float(self._lever_m[2]))
+        sway_m = tilt_rad * abs(float(self._lever_m[2]))
         east, north = (float(np.sqrt(s**2 + moved_sigma_m**2 + sway_m**2)) for s in row[8:10])
         return LivePose(
             t_s,
@@ -434,8 +451,12 @@ class _Drive:
 
     def _scans_show(self, begin_s: float, end_s: float) -> bool:
         """Whether scans show the way between two times better than the speed before does."""
-        is_dense = self._shows_way and self._path.longest_step_s(begin_s, end_s) < MAX_SCAN_STEP_S
-        return is_dense and end_s - begin_s > SHOWN_AFTER_S
+        is_dense = self._path.longest_step_s(begin_s, end_s) < MAX_SCAN_STEP_S
+        return is_dense and end_s - begin_s > SHOWN_AFTER_S and self._ground_shows(end_s - begin_s)
+
+    def _ground_shows(self, age_s: float) -> bool:
+        """Whether the ground shows the way so long after a position."""
+        return self._is_certain and self._way_sigma_m < SHOWN_SIGMA_M[0] + SHOWN_SIGMA_M[1] * min(1.0, age_s)
 
     def _way(self, begin: PathPoint, end: PathPoint, row: FloatArray) -> FloatArray:
         """(3,) on the map between two points of the path, with the yaw and the level of a row of `known`."""
@@ -460,7 +481,7 @@ class _Drive:
         expected = self._path.at(t_s, self.speed_mps)
         pose = self.at(t_s)
         is_far = step_s > MAX_SCAN_STEP_S
-        shown = self._shows_way and not is_far
+        shown = self._ground_shows(np.inf if pose is None else pose.position_age_s) and not is_far
         lost = pose is None or pose.position_age_s > (SHOWN_AFTER_S if shown else MAX_CARRIED_S)
         self.speed_mps = pose.speed_mps if pose is not None else float(self._filter.mean[4])
         self.way_m += self.speed_mps * step_s
@@ -487,6 +508,7 @@ class _Drive:
             sigma = np.array([sigma_m, sigma_m, *MOVE_SIGMA[2:]])
         else:
             sigma = LOST_SIGMAS
+        sigma = np.append(sigma[:5], max(sigma[5], UNSEEN_TURN_RADPS * step_s))
         velocity = np.array([*(self.speed_mps * ahead), self._path.turn_radps])
         added: Added = "expected"
         if lost and shown:
@@ -496,8 +518,9 @@ class _Drive:
         up = expected.up
         unseen = 1.0
         if moved is None:
-            self._path.turn_radps *= 0.5
-            yaw_variance = (UNSEEN_TURN_RADPS * step_s) ** 2
+            self._path.turn_radps *= 0.9
+            yaw_variance = self._turn_variance(step_s, UNSEEN_TURN_RADPS * step_s, UNSEEN_TURN_RADPS * step_s)
+            self._add_way_sigma(DOUBTED_SIGMA_M)
             self.residual_m = 0.0
         else:
             turn_rad = float(moved.turn_rad[2])
@@ -506,13 +529,11 @@ class _Drive:
             place[2] += moved.shift_m[2]
             level = rotation.T @ np.array([-moved.turn_rad[1], moved.turn_rad[0], 1.0])
             up = level[:2] / level[2]
-            yaw_variance = TURN_WALK**2 * step_s + max(0.0, moved.sigma_rad**2 - TURN_SIGMA_RAD**2)
+            yaw_variance = self._turn_variance(step_s, moved.sigma_rad, float(sigma[5]))
             self._path.turn_radps += 0.9 * turn_rad / step_s
             self.residual_m = moved.residual_m
             unseen = float(ahead @ moved.covariance_m2 @ ahead) / sigma[0] ** 2
-            way_sigma_m = float(sigma[0] * np.sqrt(unseen / max(1.0 - unseen, 1e-9)))
-            before_m = self._way_sigma_m if np.isfinite(self._way_sigma_m) else way_sigma_m
-            self._way_sigma_m = before_m + WAY_SHARE * (way_sigma_m - before_m)
+            self._add_way_sigma(float(sigma[0] * np.sqrt(unseen / max(1.0 - unseen, 1e-9))))
             if lost:
                 place[:2] += moved.shift_m[:2]
             if lost and shown:
@@ -528,6 +549,19 @@ class _Drive:
         self._lost = (common, variance)
         self._path.add(t_s, PathPoint(yaw, last.yaw_variance + yaw_variance, place, place_variance, up))
 
+    def _turn_variance(self, step_s: float, sigma_rad: float, expected_sigma_rad: float) -> float:
+        """What a turn that is known so well, and was expected so well, adds to the variance of the sum of turns."""
+        self._unseen_turn = (sigma_rad / expected_sigma_rad) ** 2
+        unseen = self._unseen_turn * sigma_rad**2
+        noise = max(0.0, sigma_rad**2 - unseen - TURN_SIGMA_RAD**2)
+        lasts_s = UNSEEN_TURN_S * min(1.0, (self.speed_mps / UNSEEN_TURN_MPS) ** 2)
+        return float(TURN_WALK**2 * step_s + noise + unseen * lasts_s / step_s)
+
+    def _add_way_sigma(self, sigma_m: float) -> None:
+        """Add to the mean of how well scans show the way."""
+        before_m = self._way_sigma_m if np.isfinite(self._way_sigma_m) else sigma_m
+        self._way_sigma_m = before_m + WAY_SHARE * (sigma_m - before_m)
+
     def _scanned_way(self, end: PathPoint) -> ScannedWay | None:
         """The way from the last position on, if it was so long ago that scans had to show it."""
         begin_s = float(self.known[-1, 0]) if len(self.known) else np.inf
@@ -541,6 +575,8 @@ class _Drive:
     def _take(self, positions: Positions, k: int) -> None:
         """Let the filter take a position."""
         state = self._filter
+        step_s = float(positions.t_s[k]) - self._taken_s
+        offset = float(state.mean[3])
         t_s = self._taken_s = float(positions.t_s[k])
         point = self._path.at(t_s, self.speed_mps)
         turned = point.yaw_rad
@@ -553,6 +589,10 @@ class _Drive:
         if np.isfinite(positions.yaw_rad[k]):
             state.take_yaw(float(positions.yaw_rad[k]) - turned)
         mean = state.mean
+        if step_s > TURN_STEP_S:
+            known = min(1.0, abs(self.way_m) / UNCERTAIN_AFTER_M)  # before, positions correct the first heading
+            share = TURN_BY_POSITIONS * self._unseen_turn * known
+            self._path.turn_radps += share * (float(mean[3]) - offset) / step_s
         if scanned is not None:
             self.speed_mps += float(mean[4]) - scanned.speed_mps
             self._lost = (0.0, float(state.covariance[4, 4]))
@@ -560,6 +600,7 @@ class _Drive:
         if self._contradiction > CONTRADICTED:
             self._contradiction = 0.0
             self._way_sigma_m = DOUBTED_SIGMA_M
+            state.forget_speed()
         sigma = np.sqrt(np.diag(state.covariance))
         ahead = _direction(turned + float(mean[3]))
         tilts = [a @ state.covariance[5:7, 5:7] @ a for a in (np.array([-ahead[1], ahead[0]]), ahead)]
@@ -576,7 +617,7 @@ def _upright_on(scans: list[Scan], rotation: FloatArray, sensor_m: FloatArray) -
     plane = np.array([ground_height_m(scans, rotation, sensor_m), 0.0, 0.0])
     for gate_m in np.geomspace(GROUND_GATE_M + GROUND_GATE_SLOPE * PLANE_RANGE_M[1], 0.15, PLANE_ROUNDS):
         near = np.abs(xyz_m[:, 2] - design @ plane) < gate_m
-        if near.sum() < FIRST_PLANE_RETURNS:
+        if near.sum() < max(FIRST_PLANE_RETURNS, FIRST_PLANE_SHARE * len(near)):
             return np.zeros(2)
         plane = np.linalg.lstsq(design[near], xyz_m[near, 2])[0]
     return -plane[1:]

@@ -158,6 +158,12 @@ class DriveFilter:
         off = (off_rad - float(self.mean[3]) + np.pi) % (2.0 * np.pi) - np.pi
         self._update(design, design @ self.covariance @ design.T + ANTENNA_HEADING_SIGMA_RAD**2, np.array([off]))
 
+    def forget_speed(self) -> None:
+        """What was found of the speed is wrong."""
+        self.covariance[4] = 0.0
+        self.covariance[:, 4] = 0.0
+        self.covariance[4, 4] = START_SIGMA[2] ** 2
+
     def _forget_error(self, sigma_m: FloatArray) -> None:
         """The receiver's error begins anew."""
         self.mean[7:] = 0.0

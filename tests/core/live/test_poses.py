@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import furrowmap
 from furrowmap.core.live.poses import LivePose, LivePoses
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
@@ -20,6 +21,19 @@ from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
 
 from ..conftest import Recording
+
+SMOOTH = """
+seed = 310
+[soil]
+kind = "{ground}"
+worked = "same"
+[implement]
+shape = "mower"
+[drive]
+pass_m = [4.0]
+passes = 2
+spacing_m = 1.5
+"""
 
 
 def poses_of(
@@ -115,6 +129,23 @@ def test_headings__hold_in_turns_and_in_reverse(shared_data: Path) -> None:
     assert np.sqrt((off_deg_of[:2] ** 2).mean()) < 0.25
     for k in (3, 4):
         assert (np.abs(off_deg_of[k - 3]) < [3.0 * pose.sigma[k] for pose in late]).mean() > 0.97
+
+
+@pytest.mark.parametrize("ground", ["asphalt", "lawn", "maize"])
+def test_headings__hold_on_ground_that_does_not_show_the_turn(ground: str, tmp_path: Path) -> None:
+    """Slopes of noise, which the scanner takes along, would show that the vehicle goes straight on.
+
+    Asphalt is flat, grass and snow almost; maize hides the ground.
+    """
+    (tmp_path / "scenario.toml").write_text(SMOOTH.format(ground=ground))
+    folder = furrowmap.simulate(tmp_path / "scenario.toml", tmp_path / "drive").folder
+    poses, truth = begin_of(folder, 60.0)
+    assert truth.span_s[1] - poses[0].t_s > 15.0
+    turned_deg = np.abs(np.diff(truth.attitude_deg()[2]))
+    assert turned_deg[turned_deg < 180.0].sum() > 150.0
+    off = off_deg(poses, truth)
+    assert np.sqrt((off**2).mean()) < 1.0
+    assert np.sqrt(((off / [pose.sigma[5] for pose in poses]) ** 2).mean()) < 1.5
 
 
 @pytest.mark.parametrize(("every", "late_s"), [(1, 0.3), (5, 0.05), (10, 0.05)])
