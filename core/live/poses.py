@@ -33,6 +33,8 @@ MISSED_STEPS: Final = 1.6
 """Longer after the last position, in seconds and in steps between positions, a pose is a guess."""
 MAX_SCAN_STEP_S: Final = 0.35
 """Scans further apart do not show the way between them."""
+FORGET_S: Final = 2.0
+"""After so long a time without scans it is not known where the ground before lies."""
 SHOWN_AFTER_S: Final = 0.05
 """From so long after the last position on, scans show how far the vehicle goes, once it is certain which way is
 forward: in the wrong direction they would show it as well."""
@@ -478,6 +480,9 @@ class _Drive:
         step_s = t_s - self._path.end_s
         if step_s <= 0.0:
             return
+        if step_s > FORGET_S:
+            self._ground.forget()
+            self._path.turn_radps = 0.0
         expected = self._path.at(t_s, self.speed_mps)
         pose = self.at(t_s)
         is_far = step_s > MAX_SCAN_STEP_S
@@ -589,7 +594,7 @@ class _Drive:
         if np.isfinite(positions.yaw_rad[k]):
             state.take_yaw(float(positions.yaw_rad[k]) - turned)
         mean = state.mean
-        if step_s > TURN_STEP_S:
+        if step_s > TURN_STEP_S and self._path.end_s - t_s < MAX_CARRIED_S:
             known = min(1.0, abs(self.way_m) / UNCERTAIN_AFTER_M)  # before, positions correct the first heading
             share = TURN_BY_POSITIONS * self._unseen_turn * known
             self._path.turn_radps += share * (float(mean[3]) - offset) / step_s

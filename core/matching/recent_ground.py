@@ -17,6 +17,7 @@ from furrowmap.core.values.scan import Scan
 RECENT_CELL_M: Final = 0.1
 SIDE_CELLS: Final = 512
 """Cells lie in a torus: new ground overwrites that of half a side away."""
+NO_KEY: Final = np.iinfo(np.int32).min
 RANGE_M: Final = (SELF_RANGE_M[0] + 0.5, 10.0)
 HIGHEST_M: Final = 1.0
 """What is further above or below the vehicle's wheels is no ground."""
@@ -96,7 +97,7 @@ class RecentGround:
         self._half = 0
         self._slope_sums = np.zeros(4)
         self._last_s = -np.inf
-        self._keys = np.full((SIDE_CELLS, SIDE_CELLS, 2), np.iinfo(np.int32).min, np.int32)
+        self._keys = np.full((SIDE_CELLS, SIDE_CELLS, 2), NO_KEY, np.int32)
 
     def move(
         self,
@@ -146,6 +147,10 @@ class RecentGround:
         covariance = np.linalg.inv(normal)
         sigma_rad = float(np.sqrt(covariance[5, 5]))
         return ScanTurn(found[:3], found[3:], sigma_rad, covariance[:2, :2], float(np.sqrt(squares / used)))
+
+    def forget(self) -> None:
+        """Nothing was seen so far."""
+        self._keys[:] = NO_KEY
 
     def _slopes(self) -> RecentSlopes:
         """What the last scans' slopes are made of; the product of those of the halves is that of relief alone."""
