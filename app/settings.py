@@ -355,8 +355,9 @@ class CheckSettings:
 
     Attributes:
         targets: Detect targets at the points by intensity or colour, for the horizontal error.
-        target_shape: Shape of the targets.
+        target_shape: Shape of the targets that the points' file does not name in a column target.
         diameter_m: Diameter of discs, side of checkerboards.
+        checkerboard_m: Side of checkerboards beside discs of another size [default: that of --diameter].
         points_sigma_m: Standard deviation of the survey on each axis.
         class_m: Maximum vertical RMSE (else exit status 4).
         within: Compare points in these polygons: a vector file, a table of corners, a field of AgOpenGPS, or task data.
@@ -367,6 +368,7 @@ class CheckSettings:
         "--target-shape", default="disc", choices=("disc", "checkerboard"), label="Shape of the targets"
     )
     diameter_m: float = setting("--diameter", "METRES", default=0.3, above=0.0, label="Diameter or side of the targets")
+    checkerboard_m: float | None = setting("--checkerboard", "METRES", above=0.0, label="Side of checkerboards")
     points_sigma_m: float | None = setting(
         "--points-sigma", "METRES", above=0.0, label="Standard deviation of the survey"
     )

@@ -16,9 +16,11 @@ from furrowmap.core.accuracy.point_check import (
     find_swath_key,
     swath_numbers,
 )
-from furrowmap.core.pointclouds.flat_targets import SEARCH_DIAMETERS, TargetShape, find_target
+from furrowmap.core.pointclouds.flat_targets import TargetShape, find_target
 from furrowmap.core.pointclouds.joined_clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_to_measure
 from furrowmap.core.pointclouds.local_plane import MAX_PLANE_SLOPE, PLANE_RADIUS_M, local_plane
+from furrowmap.core.pointclouds.plane_corners import find_corner
+from furrowmap.core.pointclouds.survey_targets import GROUND_ALONE, Target, TargetKind, corners_among, stated_kinds
 from furrowmap.core.readers.chosen_survey import SurveyOptions, survey_of
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.point_records import CloudBatch
@@ -31,32 +33,54 @@ Targets = Literal["none", "intensity", "colour"]
 
 LUMINANCE: Final = np.array([0.299, 0.587, 0.114])
 """Of red, green and blue, after ITU-R BT.601."""
+_CORNER: Final = Target(TargetKind.CORNER)
+
+
+@dataclass(frozen=True)
+class TargetSearch:
+    """How targets at points are found.
+
+    Attributes:
+        targets: attribute in which they are detected; corners of planes are by geometry.
+        diameter_m: of discs, or side of checkerboards.
+        shape: of those whose points' file does not say what they are.
+        board_m: side of checkerboards, where discs are of another size.
+    """
+
+    targets: Targets = "none"
+    diameter_m: float = 0.3
+    shape: TargetShape = "disc"
+    board_m: float | None = None
+
+    def at(self, path: Path, survey: SurveyedPoints) -> list[Target]:
+        """What to look for at each point of a file; InputError if its column `target` has an unknown target."""
+        if self.targets == "none":
+            return [_CORNER if corner else GROUND_ALONE for corner in corners_among(survey)]
+        usual = TargetKind(self.shape)
+        board_m = self.diameter_m if self.board_m is None else self.board_m
+        size_m = {TargetKind.DISC: self.diameter_m, TargetKind.CHECKERBOARD: board_m}
+        kinds = [kind or usual for kind in stated_kinds(path, survey)]
+        return [Target(kind, size_m.get(kind, 0.0)) for kind in kinds]
 
 
 def cloud_at_points(
     path: Path,
     points_file: Path,
     options: SurveyOptions = SurveyOptions(),
-    targets: Targets = "none",
-    diameter_m: float = 0.3,
-    shape: TargetShape = "disc",
+    search: TargetSearch = TargetSearch(),
     progress: Progress = silent,
 ) -> ProductAtPoints:
     """Height of a LAS, LAZ or COPC file at each point, by a plane through the returns around it, in all and by swath.
 
-    Args:
-        targets: attribute in which targets are detected, for the horizontal error.
-        diameter_m: of discs, or side of checkerboards.
-        shape: of the targets.
-
     Raises:
-        InputError: if a file cannot be read.
+        InputError: if a file cannot be read, or names an unknown target.
         RefusedError: if PROJ has no exact transformation between their CRS.
     """
     clouds = open_to_measure(path, options.crs)
     stated = options if options.crs is not None else replace(options, crs=clouds.sources[path].flat)
     survey = survey_of(points_file, clouds.crs, stated)
-    reach_m = max(PLANE_RADIUS_M, (SEARCH_DIAMETERS + 1.0) * diameter_m if targets != "none" else 0.0)
+    wanted = search.at(points_file, survey)
+    reach_m = max(target.reach_m for target in wanted)
     (cloud,) = clouds.files
     own = is_ours(cloud)
     near = _near(clouds, survey, reach_m, progress, own=own)
@@ -64,15 +88,15 @@ def cloud_at_points(
     t_s = np.concatenate(times) if near and len(times) == len(near) else None
     source = np.concatenate([np.empty(0, np.uint16), *(part.point_source_id for part in near)])
     swath_key = find_swath_key(source, t_s, own=own) if near else "nothing"
-    light = _light(near, targets)
+    light = _light(near, search.targets)
     xyz = np.concatenate([np.empty((0, 3)), *(part.xyz_m for part in near)])
     tree = cKDTree(xyz[:, :2])
     points = []
-    for name, place in zip(survey.name, survey.xyz_m, strict=True):
-        index = tree.query_ball_point(place[:2], reach_m)
+    for name, place, target in zip(survey.name, survey.xyz_m, wanted, strict=True):
+        index = tree.query_ball_point(place[:2], target.reach_m)
         swath = swath_numbers(source[index], t_s[index] if t_s is not None else None, swath_key, own=own)
         around = _ReturnsAround(xyz[index] - place, light[index] if light is not None else None, swath)
-        points.append(_point_check(name, three(place), around, diameter_m, shape))
+        points.append(replace(_point_check(name, three(place), around, target), target=target))
     return ProductAtPoints(
         crs=clouds.crs,
         points=tuple(points),
@@ -139,13 +163,14 @@ def _light(near: list[CloudBatch], targets: Targets) -> FloatArray | None:
     return light
 
 
-def _point_check(
-    name: str, place: tuple[float, float, float], around: _ReturnsAround, diameter_m: float, shape: TargetShape
-) -> PointCheck:
+def _point_check(name: str, place: tuple[float, float, float], around: _ReturnsAround, target: Target) -> PointCheck:
     """Comparison of a point with the returns around it."""
+    if target.kind is TargetKind.CORNER:
+        return _corner_check(name, place, around)
     middle = None
-    if around.light is not None and len(around.light):
-        middle = find_target(shape, around.xyz_m[:, :2], around.light, diameter_m, SEARCH_DIAMETERS * diameter_m)
+    if target.kind is not TargetKind.GROUND and around.light is not None and len(around.light):
+        shape: TargetShape = "disc" if target.kind is TargetKind.DISC else "checkerboard"
+        middle = find_target(shape, around.xyz_m[:, :2], around.light, target.size_m, target.search_m)
     east, north = (place[0] + middle[0], place[1] + middle[1]) if middle is not None else (np.nan, np.nan)
     at = middle if middle is not None else np.zeros(2)
     close = np.hypot(*(around.xyz_m[:, :2] - at).T) <= PLANE_RADIUS_M
@@ -165,6 +190,15 @@ def _point_check(
         return PointCheck(name, place, found, len(xyz), plane.steepness, why_not=why)
     found = (east, north, place[2] + plane.height_m)
     return PointCheck(name, place, found, len(xyz), plane.steepness, _swath_heights(xyz, swath, place[2]))
+
+
+def _corner_check(name: str, place: tuple[float, float, float], around: _ReturnsAround) -> PointCheck:
+    """Comparison of a point with the corner of three planes there, on all axes."""
+    corner = find_corner(around.xyz_m)
+    if corner is None:
+        why = Text("shows no corner of three planes")
+        return PointCheck(name, place, (np.nan, np.nan, np.nan), len(around.xyz_m), why_not=why)
+    return PointCheck(name, place, three(np.array(place) + corner.middle_m), int(corner.used.sum()))
 
 
 def _swath_heights(xyz_m: FloatArray, swath: NDArray[np.int64], base_m: float) -> SwathHeights:

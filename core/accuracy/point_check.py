@@ -12,6 +12,7 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
+from furrowmap.core.pointclouds.survey_targets import GROUND_ALONE, Target, corners_among
 from furrowmap.core.readers.chosen_survey import SurveyOptions, survey_of
 from furrowmap.core.readers.raster_heights import open_heights
 from furrowmap.core.readers.surveyed_points import SurveyedPoints
@@ -141,6 +142,7 @@ class PointCheck:
         found_m: of the product; nan where unknown, easting and northing without a target.
         returns: used for the height; 0 for a surface.
         why_not: why the height was not compared; else None.
+        target: what was looked for at it; the ground alone without a target.
     """
 
     name: str
@@ -150,6 +152,7 @@ class PointCheck:
     slope: float = float("nan")
     swaths: SwathHeights = NO_SWATHS
     why_not: Text | None = None
+    target: Target = GROUND_ALONE
 
     @property
     def error_m(self) -> FloatArray:
@@ -179,7 +182,7 @@ class ProductAtPoints:
 
 
 def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = SurveyOptions()) -> ProductAtPoints:
-    """Height of a surface at each point, bilinear between cell centres.
+    """Height of a surface at each point, bilinear between cell centres; corners of planes are not compared.
 
     InputError if it is no such raster, or the points cannot be read; RefusedError if PROJ has no exact transformation
     between their CRS.
@@ -188,9 +191,10 @@ def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = Su
         box = tuple(raster.dataset.bounds)
         crs = raster.crs
         survey = survey_of(points_file, crs, options)
+        corners = corners_among(survey)
         checks = []
         columns, rows = raster.columns_rows(survey.xyz_m[:, 0], survey.xyz_m[:, 1])
-        for name, xyz, column, row in zip(survey.name, survey.xyz_m, columns, rows, strict=True):
+        for name, xyz, column, row, corner in zip(survey.name, survey.xyz_m, columns, rows, corners, strict=True):
             left = int(np.floor(column - 0.5))
             top = int(np.floor(row - 0.5))
             cells = raster.read_m((top, top + 2), (left, left + 2))
@@ -199,6 +203,9 @@ def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = Su
             share = np.outer([1.0 - down, down], [1.0 - right, right])
             height = float(np.sum(np.where(share > 0.0, cells * share, 0.0)))
             why = None if np.isfinite(height) else Text("lies where the surface has no heights")
+            if corner:
+                height = np.nan
+                why = Text("is a corner of planes, which only a point cloud shows")
             found = (np.nan, np.nan, height)
             checks.append(PointCheck(name, three(xyz), found, why_not=why))
     return ProductAtPoints(crs, tuple(checks), survey, box, "nothing", (*raster.scale.notices, *survey.notices))

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 import pyproj
 
-from furrowmap.core.accuracy.cloud_at_points import Targets, cloud_at_points
+from furrowmap.core.accuracy.cloud_at_points import TargetSearch, cloud_at_points
 from furrowmap.core.accuracy.point_check import (
     InternalPrecision,
     PointCheck,
@@ -21,7 +21,7 @@ from furrowmap.core.accuracy.point_check import (
     rounded,
     surface_at_points,
 )
-from furrowmap.core.pointclouds.flat_targets import TargetShape
+from furrowmap.core.pointclouds.survey_targets import TargetKind
 from furrowmap.core.readers.chosen_survey import SurveyOptions
 from furrowmap.core.readers.las.cloud import is_cloud
 from furrowmap.core.runtime.arrays import FloatArray
@@ -201,28 +201,24 @@ def check_product(
     points_file: Path,
     options: SurveyOptions = SurveyOptions(),
     *,
-    targets: Targets = "none",
-    diameter_m: float = 0.3,
-    shape: TargetShape = "disc",
+    search: TargetSearch = TargetSearch(),
     class_m: float | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Compare a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF) with surveyed points.
 
     Args:
-        targets: attribute in which targets are detected, for the horizontal error.
-        diameter_m: of discs, or side of checkerboards.
-        shape: of the targets.
+        search: of targets in a cloud, for the horizontal error.
 
     Raises:
-        InputError: if a file cannot be read, or no point lies in the product.
+        InputError: if a file cannot be read, names an unknown target, or no point lies in the product.
         RefusedError: if PROJ has no exact transformation between their CRS.
     """
     if not product.is_file():
         raise InputError("no-such-file", product=product, is_product=bool(product.is_dir()))
     by_cloud = is_cloud(product)
     found = (
-        cloud_at_points(product, points_file, options, targets, diameter_m, shape, progress)
+        cloud_at_points(product, points_file, options, search, progress)
         if by_cloud
         else surface_at_points(product, points_file, options)
     )
@@ -251,7 +247,9 @@ def check_product(
             why_not=checks[0].why_not,
             swapped=swapped or None,
         )
-    notices = [*found.notices, *accuracy_notices(checks, accuracy, class_m, targets=targets != "none")]
+    notices = [*found.notices, *accuracy_notices(checks, accuracy, class_m)]
+    if not by_cloud and search.targets != "none":
+        notices.append(Notice("check-targets.surface"))
     if by_cloud:
         notices += precision_notices(accuracy.precision, class_m)
     return Check("cloud" if by_cloud else "surface", found.crs, checks, accuracy, tuple(notices))
@@ -273,9 +271,7 @@ def precision_notices(precision: InternalPrecision, class_m: float | None) -> li
     return [Notice("check-precision", class_cm=100 * class_m, beyond=", ".join(beyond))]
 
 
-def accuracy_notices(
-    checks: Sequence[PointCheck], accuracy: Accuracy, class_m: float | None, *, targets: bool
-) -> list[Notice]:
+def accuracy_notices(checks: Sequence[PointCheck], accuracy: Accuracy, class_m: float | None) -> list[Notice]:
     """Notices about the errors at the points."""
     assert accuracy.vertical is not None
     notices = []
@@ -295,8 +291,11 @@ def accuracy_notices(
         if part is not None and part.biased:
             geoid = name == "height" and abs(part.mean_m) > MAX_MEAN_HEIGHT_M
             notices.append(Notice("check-bias", name=name, mean_m=part.mean_m, geoid=geoid))
-    if targets:
-        found = sum(bool(np.isfinite(check.found_m[0])) for check in checks)
-        if found < len(checks):
-            notices.append(Notice("check-targets", checks=len(checks) - found, checks_count=len(checks)))
+    for kind in (TargetKind.DISC, TargetKind.CHECKERBOARD):
+        sought = [check for check in checks if check.target.kind is kind]
+        missing = sum(not np.isfinite(check.found_m[0]) for check in sought)
+        if missing:
+            is_disc = kind is TargetKind.DISC
+            size_m = sought[0].target.size_m
+            notices.append(Notice("check-targets", missing=missing, sought=len(sought), is_disc=is_disc, size_m=size_m))
     return notices

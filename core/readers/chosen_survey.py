@@ -1,6 +1,6 @@
 """The surveyed points that a user chooses for a comparison, from files that may hold points or a product."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import pyproj
@@ -47,9 +47,8 @@ def survey_of(path: Path, target: pyproj.CRS, options: SurveyOptions) -> Surveye
     names = tuple(name for name, inside in zip(survey.name, kept, strict=True) if inside)
     notices = (*survey.notices, *area.notices)
     role = tuple(role for role, inside in zip(survey.role, kept, strict=False) if inside)
-    return replace(
-        survey, name=names, xyz_m=survey.xyz_m[kept], sigma_m=survey.sigma_m[kept], role=role, notices=notices
-    )
+    lying = tuple(lying for lying, inside in zip(survey.target, kept, strict=False) if inside)
+    return SurveyedPoints(names, survey.xyz_m[kept], survey.sigma_m[kept], role, lying, notices)
 
 
 def may_hold_points(path: Path) -> bool:

@@ -360,12 +360,14 @@
   <message><source>Shape of the response</source><translation>Form der Wirkung</translation></message>
   <message><source>Shape of the response; auto compares all and averages over them by weight.</source><translation>Form der Wirkung; auto vergleicht alle und mittelt nach Gewicht.</translation></message>
   <message><source>Shape of the targets</source><translation>Form der Ziele</translation></message>
-  <message><source>Shape of the targets.</source><translation>Form der Ziele.</translation></message>
+  <message><source>Shape of the targets that the points' file does not name in a column target.</source><translation>Form der Ziele, die die Punktdatei nicht in einer Spalte target nennt.</translation></message>
   <message><source>Share a result</source><translation>Ein Ergebnis teilen</translation></message>
   <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its position, its angles and the directions of its axes in words, and draws them from the side and from above. Does not read the recordings.</source><translation>Zeigt die Bezugssysteme einer Sitzung: Erde, Karte, Fahrzeug und jeden Sensor mit Lage, Winkeln und den Richtungen seiner Achsen in Worten, und zeichnet sie von der Seite und von oben. Liest die Aufzeichnungen nicht.</translation></message>
   <message><source>Side</source><translation>Seite</translation></message>
   <message><source>Side of a square</source><translation>Seitenlänge eines Quadrats</translation></message>
   <message><source>Side of a square.</source><translation>Seitenlänge eines Quadrats.</translation></message>
+  <message><source>Side of checkerboards</source><translation>Seite der Schachbretter</translation></message>
+  <message><source>Side of checkerboards beside discs of another size [default: that of --diameter].</source><translation>Seite der Schachbretter neben Scheiben anderer Größe [Vorgabe: die von --diameter].</translation></message>
   <message><source>Side of the base line on which the rows lie, looking along it.</source><translation>Seite der Grundlinie, auf der die Reihen liegen, in ihrer Richtung gesehen.</translation></message>
   <message><source>Side of the cells</source><translation>Seitenlänge der Zellen</translation></message>
   <message><source>Simulate a recording</source><translation>Eine Aufzeichnung simulieren</translation></message>

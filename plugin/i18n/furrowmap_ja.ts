@@ -360,12 +360,14 @@
   <message><source>Shape of the response</source><translation>応答の曲線</translation></message>
   <message><source>Shape of the response; auto compares all and averages over them by weight.</source><translation>応答の曲線。auto はすべてを比べ、重みで平均します。</translation></message>
   <message><source>Shape of the targets</source><translation>ターゲットの形</translation></message>
-  <message><source>Shape of the targets.</source><translation>ターゲットの形。</translation></message>
+  <message><source>Shape of the targets that the points' file does not name in a column target.</source><translation>測点ファイルの列 target に種類のないターゲットの形。</translation></message>
   <message><source>Share a result</source><translation>実行結果の共有</translation></message>
   <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its position, its angles and the directions of its axes in words, and draws them from the side and from above. Does not read the recordings.</source><translation>セッションの座標系を示します。地球、地図、車両、各センサの位置と角度、軸の向きを言葉で表します。図では横と上から見た様子を示します。記録は読み込みません。</translation></message>
   <message><source>Side</source><translation>側</translation></message>
   <message><source>Side of a square</source><translation>正方形の一辺</translation></message>
   <message><source>Side of a square.</source><translation>正方形の一辺の長さ。</translation></message>
+  <message><source>Side of checkerboards</source><translation>市松模様の板の一辺</translation></message>
+  <message><source>Side of checkerboards beside discs of another size [default: that of --diameter].</source><translation>円板と大きさの異なる市松模様の板の一辺 [既定: --diameter の値]。</translation></message>
   <message><source>Side of the base line on which the rows lie, looking along it.</source><translation>基線の進行方向に向かって、行が並ぶ側。</translation></message>
   <message><source>Side of the cells</source><translation>セルの一辺</translation></message>
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>

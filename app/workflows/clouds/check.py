@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from furrowmap.core.accuracy.cloud_at_points import TargetSearch
 from furrowmap.core.accuracy.paired_points import PAIR_COLUMNS, PairedPoints, pairs_of_files, pairs_of_product
 from furrowmap.core.accuracy.point_check import CHECK_COLUMNS
 from furrowmap.core.accuracy.product_check import Check, check_product
@@ -48,9 +49,7 @@ def check(
         Path(product),
         Path(points),
         SurveyOptions(optional_with_heights(crs), settings.points_sigma_m, settings.area_file),
-        targets=settings.targets,
-        diameter_m=settings.diameter_m,
-        shape=settings.target_shape,
+        search=TargetSearch(settings.targets, settings.diameter_m, settings.target_shape, settings.checkerboard_m),
         class_m=settings.class_m,
         progress=progress,
     )

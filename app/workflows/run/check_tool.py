@@ -59,7 +59,7 @@ def _checks(surface: ProductAtPoints, path: Path) -> ProductAtPoints:
     chosen = checks_among(path, surface.survey)
     survey = surface.survey
     names = tuple(np.array(survey.name, object)[chosen].tolist())
-    survey = replace(survey, name=names, xyz_m=survey.xyz_m[chosen], sigma_m=survey.sigma_m[chosen], role=())
+    survey = replace(survey, name=names, xyz_m=survey.xyz_m[chosen], sigma_m=survey.sigma_m[chosen], role=(), target=())
     points = tuple(point for point, check in zip(surface.points, chosen, strict=True) if check)
     return replace(surface, points=points, survey=survey)
 
@@ -72,5 +72,6 @@ def _together(parts: list[ProductAtPoints]) -> ProductAtPoints:
         xyz_m=np.concatenate([part.survey.xyz_m for part in parts]),
         sigma_m=np.concatenate([part.survey.sigma_m for part in parts]),
         role=(),
+        target=(),
     )
     return replace(parts[0], points=tuple(point for part in parts for point in part.points), survey=survey)

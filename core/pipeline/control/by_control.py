@@ -11,9 +11,9 @@ from furrowmap.core.pipeline.control.control_points import GroundControl, read_c
 from furrowmap.core.pipeline.control.correction import Correction, correction, error_model
 from furrowmap.core.pipeline.control.returns_at_points import ReturnsAtPoints
 from furrowmap.core.pipeline.control.seen_points import Sight, seen_point
-from furrowmap.core.pipeline.control.targets import TargetSizes
 from furrowmap.core.pipeline.solution import Solution
 from furrowmap.core.pointclouds.placed_scans import place_scans
+from furrowmap.core.pointclouds.survey_targets import TargetSizes
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession, watched

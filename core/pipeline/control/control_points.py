@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from furrowmap.core.pipeline.control.seen_points import TargetPicture, Unseen
-from furrowmap.core.pipeline.control.targets import GROUND_ALONE, NO_SIZES, Target, TargetSizes, targets_of
+from furrowmap.core.pointclouds.survey_targets import GROUND_ALONE, NO_SIZES, Target, TargetSizes, targets_of
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, read_points
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice

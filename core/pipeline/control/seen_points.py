@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.pipeline.control.returns_at_points import ReturnsAround
-from furrowmap.core.pipeline.control.targets import Target, TargetKind
 from furrowmap.core.pointclouds.flat_targets import TargetShape, find_target
 from furrowmap.core.pointclouds.local_plane import (
     MAX_PLANE_SLOPE,
@@ -19,6 +18,7 @@ from furrowmap.core.pointclouds.local_plane import (
     local_plane,
 )
 from furrowmap.core.pointclouds.plane_corners import CORNER_REACH_M, CORNER_SEARCH_M, find_corner
+from furrowmap.core.pointclouds.survey_targets import Target, TargetKind
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory

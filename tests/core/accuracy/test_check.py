@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 
 from furrowmap.cli.main import command_line
+from furrowmap.core.accuracy.cloud_at_points import TargetSearch
 from furrowmap.core.accuracy.point_check import surface_at_points
 from furrowmap.core.accuracy.product_check import Component, HeldHeights, check_product
 from furrowmap.core.crops.parcel_areas import read_parcels
@@ -203,9 +204,7 @@ def test_targets__show_the_horizontal_error(tmp_path: Path, bright: int, shape: 
     found = check_product(
         write_cloud(tmp_path / "a.las", xyz, intensity.astype(np.uint16)),
         write_points(tmp_path / "p.csv", survey, 0.005),
-        targets="intensity",
-        diameter_m=0.4 if shape == "disc" else 0.36,
-        shape=shape,
+        search=TargetSearch("intensity", 0.4 if shape == "disc" else 0.36, shape),
     )
     easting, northing = found.accuracy.easting, found.accuracy.northing
     assert easting is not None
@@ -223,10 +222,81 @@ def test_targets__none_is_made_up_of_plain_soil(tmp_path: Path) -> None:
     found = check_product(
         write_cloud(tmp_path / "a.las", xyz, intensity),
         write_points(tmp_path / "p.csv", places(9)),
-        targets="intensity",
+        search=TargetSearch("intensity"),
     )
     assert found.accuracy.horizontal_m is None
     assert "check-targets" in {notice.code for notice in found.notices}
+
+
+KINDS = ("Disc", "disk", "", "checkerboard", "chessboard", "checkerboard", "corner", "ground", "disc")
+"""Of nine points; the board at the sixth and the disc at the last are not there."""
+
+
+def targets_of_all_kinds(folder: Path) -> tuple[Path, Path]:
+    """A cloud and the table of its points: discs of 40 cm, boards of 60 cm, a corner, all 6 cm east and 4 cm north."""
+    survey = places(9)
+    xyz = returns(200_000)
+    intensity = np.random.default_rng(6).normal(60.0, 8.0, len(xyz)).clip(0)
+    off_m = np.array([0.06, 0.04])
+    for middle, kind in zip(survey[:, :2] + off_m, KINDS[:5], strict=False):
+        off = xyz[:, :2] - middle
+        if kind.endswith("board"):
+            board = np.abs(off).max(axis=1) < 0.3
+            intensity[board] = np.where(off[board].prod(axis=1) > 0.0, 200, 5)
+        else:
+            intensity[np.hypot(*off.T) < 0.2] = 200
+    corner = np.array([*(survey[6, :2] + off_m), survey[6, 2] + 0.03])
+    chance = np.random.default_rng(7)
+    near = np.abs(xyz[:, :2] - corner[:2]).max(axis=1) < 1.6
+    inside = near & (xyz[:, :2] < corner[:2]).all(axis=1)
+    xyz[near, 2] = corner[2]
+    aside = -chance.uniform(0.0, 1.4, (800, 2))
+    walls = np.concatenate([aside[:400] * (1, 0), aside[400:] * (0, 1)])
+    walls = corner + np.column_stack([walls, chance.uniform(0.0, 1.4, 800)])
+    light = np.concatenate([intensity[~inside], np.full(800, 60.0)]).astype(np.uint16)
+    cloud = write_cloud(folder / "a.las", np.concatenate([xyz[~inside], walls]), light)
+    points = write_points(folder / "p.csv", survey, 0.005)
+    head, *rows = points.read_text().splitlines()
+    lines = [f"{head},target", *(f"{row},{kind}" for row, kind in zip(rows, KINDS, strict=True))]
+    points.write_text("\n".join(lines) + "\n")
+    return cloud, points
+
+
+def test_targets__are_those_that_the_points_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cloud, points = targets_of_all_kinds(tmp_path)
+    found = check_product(cloud, points, search=TargetSearch("intensity", 0.4, "disc", 0.6))
+    assert [one.target.kind.value for one in found.points] == [
+        "disc", "disc", "disc", "checkerboard", "checkerboard", "checkerboard", "corner", "ground", "disc",
+    ]  # fmt: skip
+    error = np.array([one.error_m for one in found.points])
+    np.testing.assert_allclose(error[[0, 1, 2, 3, 4, 6], :2], [[0.06, 0.04]] * 6, atol=0.01)
+    assert np.isnan(error[[5, 7, 8], :2]).all()
+    assert error[6, 2] == pytest.approx(0.03, abs=0.003)
+    assert np.abs(error[[0, 1, 2, 3, 4, 5, 7, 8], 2]).max() < 0.002
+    command = ("check", cloud, points, "--targets", "intensity", "--diameter", "0.4", "--checkerboard", "0.6")
+    assert cli(*command, "--require-horizontal", "0.08") == 0
+    told = capsys.readouterr().err
+    assert "Discs that were not found: 1 of 4; the diameter looked for is 0.4 m." in told
+    assert "Checkerboards that were not found: 1 of 3; the side looked for is 0.6 m." in told
+    points.write_text(points.read_text().replace("chessboard", "cone"))
+    with pytest.raises(InputError, match="point P5 has the target 'cone'"):
+        check_product(cloud, points, search=TargetSearch("intensity"))
+
+
+def test_targets__corners_are_found_without_intensity_and_in_clouds_alone(tmp_path: Path) -> None:
+    cloud, points = targets_of_all_kinds(tmp_path)
+    points.write_text(points.read_text().replace("chessboard", "cone"))
+    found = check_product(cloud, points)
+    assert np.flatnonzero([np.isfinite(one.found_m[0]) for one in found.points]).tolist() == [6]
+    surface = check_product(write_surface(tmp_path / "dsm.tif"), points, search=TargetSearch("intensity"))
+    assert [one.name for one in surface.points if "corner" in str(one.why_not)] == ["P7"]
+    assert "check-targets.surface" in {notice.key for notice in surface.notices}
+    area = tmp_path / "area.csv"
+    east, north, _ = found.points[6].surveyed_m
+    corners = ((east - 1, north - 1), (east + 1, north - 1), (east + 1, north + 1), (east - 1, north + 1))
+    area.write_text("id,e_m,n_m\n" + "".join(f"a,{e},{n}\n" for e, n in corners))
+    (one,) = check_product(cloud, points, SurveyOptions(within=area)).points
+    assert one.error_m == pytest.approx([0.06, 0.04, 0.03], abs=0.01)
 
 
 def write_surface(path: Path, cell_m: float = 0.5, crs: str = "EPSG:6677") -> Path:

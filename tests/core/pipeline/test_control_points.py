@@ -26,8 +26,8 @@ from furrowmap.core.pipeline.control.seen_points import (
     seen_point,
     visits,
 )
-from furrowmap.core.pipeline.control.targets import Target, TargetKind, TargetSizes
 from furrowmap.core.pointclouds.placed_scans import PlacedScan
+from furrowmap.core.pointclouds.survey_targets import Target, TargetKind, TargetSizes
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.rotation import Mounting, quaternion_to_matrix

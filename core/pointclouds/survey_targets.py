@@ -7,6 +7,9 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from furrowmap.core.pointclouds.flat_targets import SEARCH_DIAMETERS
 from furrowmap.core.pointclouds.local_plane import PLANE_RADIUS_M
 from furrowmap.core.pointclouds.plane_corners import CORNER_REACH_M
@@ -33,12 +36,12 @@ _KINDS: Final = {
     "chessboard": TargetKind.CHECKERBOARD,
     "corner": TargetKind.CORNER,
 }
-"""Values of the column of targets, in any case; None for what the session states."""
+"""Values of the column of targets, in any case; None for what the session or the command states."""
 
 
 @dataclass(frozen=True)
 class TargetSizes:
-    """Diameter of discs and side of checkerboards, as the session states them; None for kinds that it has not."""
+    """Diameter of discs and side of checkerboards, as they are stated; None for kinds without one."""
 
     disc_m: float | None = None
     checkerboard_m: float | None = None
@@ -74,23 +77,39 @@ def targets_of(path: Path, survey: SurveyedPoints, sizes: TargetSizes) -> tuple[
     Raises:
         InputError: if a target is not known, or the session does not state its size.
     """
-    usual = TargetKind.GROUND
-    if sizes.disc_m is not None:
+    usual: TargetKind | None = TargetKind.GROUND
+    if sizes.disc_m is not None and sizes.checkerboard_m is not None:
+        usual = None
+    elif sizes.disc_m is not None:
         usual = TargetKind.DISC
     elif sizes.checkerboard_m is not None:
         usual = TargetKind.CHECKERBOARD
-    both = sizes.disc_m is not None and sizes.checkerboard_m is not None
     size_m = {TargetKind.DISC: sizes.disc_m, TargetKind.CHECKERBOARD: sizes.checkerboard_m}
     out = []
-    for name, word in zip(survey.name, survey.target or [""] * len(survey), strict=True):
-        if word.strip().casefold() not in _KINDS:
-            raise InputError("ground-control-target", path=path, name=name, target=word)
-        stated = _KINDS[word.strip().casefold()]
-        if stated is None and both:
-            raise InputError("ground-control-target.either", path=path, name=name)
+    for name, stated in zip(survey.name, stated_kinds(path, survey), strict=True):
         kind = stated or usual
+        if kind is None:
+            raise InputError("ground-control-target.either", path=path, name=name)
         size = size_m.get(kind, 0.0)
         if size is None:
             raise InputError("ground-control-target.size", path=path, name=name, is_disc=kind is TargetKind.DISC)
         out.append(Target(kind, size))
     return tuple(out)
+
+
+def stated_kinds(path: Path, survey: SurveyedPoints) -> tuple[TargetKind | None, ...]:
+    """What the column `target` of a file says of each point; None where it says nothing.
+
+    Raises:
+        InputError: if a target is not known.
+    """
+    for name, word in zip(survey.name, survey.target, strict=False):
+        if word.strip().casefold() not in _KINDS:
+            raise InputError("ground-control-target", path=path, name=name, target=word)
+    return tuple(_KINDS[word.strip().casefold()] for word in survey.target or [""] * len(survey))
+
+
+def corners_among(survey: SurveyedPoints) -> NDArray[np.bool_]:
+    """Which points (n,) the column `target` calls corners of planes, whatever it says of the others."""
+    kinds = [_KINDS.get(word.strip().casefold()) for word in survey.target or [""] * len(survey)]
+    return np.array([kind is TargetKind.CORNER for kind in kinds], np.bool_)
