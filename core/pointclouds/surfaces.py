@@ -17,14 +17,13 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
-from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.ground_filter import Smrf, cloth_ground, ground_cells, require_cloth
 from furrowmap.core.surfaces.outliers import FilteredTiles, Outliers, filter_tiles
-from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool
+from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 
 Key = tuple[int, int]
@@ -43,14 +42,32 @@ class CloudTile:
     """The surfaces of one tile; the last two are None where the ground is not requested.
 
     Attributes:
+        points: of the DSM.
         above_m: float32 height of the DSM above the ground, interpolated where the DTM has gaps; nan without a height,
             or without ground within 10 m.
     """
 
-    grid: Grid
+    points: TilePoints
     dsm: Surface
     dtm: Surface | None
     above_m: Float32Array | None
+
+    @property
+    def grid(self) -> Grid:
+        """The cells of the surfaces."""
+        return self.points.grid
+
+
+def finer_cells(cell_m: float) -> int:
+    """Into how many cells a side those of a surface are divided, so that the ground is found in half a metre or less.
+
+    A power of two, as for :meth:`~furrowmap.core.surfaces.spool.TilePoints.coarser`.
+
+    Example:
+        >>> finer_cells(0.2), finer_cells(0.5), finer_cells(2.0)
+        (1, 1, 4)
+    """
+    return min(SPOOL_TILE, 1 << max(0, math.ceil(math.log2(cell_m / GROUND_CELL_M))))
 
 
 def cloud_tiles(
@@ -59,6 +76,7 @@ def cloud_tiles(
     statistic: Statistic = MEDIAN,
     outliers: Outliers = "none",
     progress: Progress = silent,
+    factor: int = 1,
 ) -> Iterator[CloudTile]:
     """The surfaces of spooled clouds, block by block of tiles.
 
@@ -67,14 +85,13 @@ def cloud_tiles(
         statistic: height of a cell of the DSM; that of the DTM is the median.
         outliers: detection method, with points at cell centres; outliers are excluded.
         progress: receives the stage "making surfaces".
+        factor: how many cells of the spool a cell of the surfaces has a side, see :func:`finer_cells`.
 
     Raises:
-        InputError: if the method's library is not installed, or the cells are too coarse for it.
+        InputError: if the method's library is not installed.
     """
     if method == "csf":
         require_cloth()
-        if spooled.points.cell_m > GROUND_CELL_M:
-            raise InputError("cells-too-coarse", cell_m=spooled.points.cell_m, ground_cell_m=GROUND_CELL_M)
     keys = spooled.points.tiles
     across = _across(spooled.points.cell_m)
     blocks: dict[Key, list[Key]] = {}
@@ -91,7 +108,7 @@ def cloud_tiles(
         for _, block in sorted(blocks.items(), key=lambda item: (-item[0][1], item[0][0])):  # north first, then west
             ground = _ground(block, lows, method) if method != "none" else None
             yield from pool.map(
-                lambda key, ground=ground: _tile(points, of_ground, key, ground, method, statistic), block
+                lambda key, ground=ground: _tile(points, of_ground, key, ground, method, statistic, factor), block
             )
             done += len(block)
             lows.forget_above(block)
@@ -216,28 +233,32 @@ def _tile(
     ground: _Ground | None,
     method: GroundMethod,
     statistic: Statistic,
+    factor: int,
 ) -> CloudTile:
-    points = all_points.tile(key)
+    fine = all_points.tile(key)
+    points = fine.coarser(factor)
     dsm = points.surface(statistic)
     if method == "none":
-        return CloudTile(points.grid, dsm, None, None)
+        return CloudTile(points, dsm, None, None)
     if ground is None:
         nothing = points.surface(MEDIAN, np.zeros(len(points.cell), bool))
-        return CloudTile(points.grid, dsm, nothing, np.full(points.grid.shape, np.nan, np.float32))
-    height, limit, far = _over(points.grid, ground)
+        return CloudTile(points, dsm, nothing, np.full(points.grid.shape, np.nan, np.float32))
+    height, limit, far = _over(fine.grid, 1, ground)
     if method == "class":
-        dtm = ground_points.tile(key).surface(MEDIAN)
+        dtm = ground_points.tile(key).coarser(factor).surface(MEDIAN)
     else:
-        above = points.height_m + points.base_m - height.ravel()[points.cell]
-        dtm = points.surface(MEDIAN, np.abs(above) <= limit.ravel()[points.cell])
+        above = fine.height_m + fine.base_m - height.ravel()[fine.cell]
+        dtm = points.surface(MEDIAN, np.abs(above) <= limit.ravel()[fine.cell])
+    if factor > 1:
+        height, _, far = _over(points.grid, factor, ground)
     below = np.where(np.isfinite(dtm.height_m), dtm.height_m, np.where(far, np.nan, height))
-    return CloudTile(points.grid, dsm, dtm, (dsm.height_m - below).astype(np.float32))
+    return CloudTile(points, dsm, dtm, (dsm.height_m - below).astype(np.float32))
 
 
-def _over(grid: Grid, ground: _Ground) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Height, limit and whether far away, over the fine cells of a tile, north up."""
-    column = (grid.west + 0.5 + np.arange(grid.columns)) / ground.cells - 0.5 - ground.corner[0]
-    row = (grid.north - 0.5 - np.arange(grid.rows)) / ground.cells - 0.5 - ground.corner[1]
+def _over(grid: Grid, factor: int, ground: _Ground) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Height, limit and whether far away, over the cells of a tile, each of so many fine ones a side, north up."""
+    column = (grid.west + 0.5 + np.arange(grid.columns)) * factor / ground.cells - 0.5 - ground.corner[0]
+    row = (grid.north - 0.5 - np.arange(grid.rows)) * factor / ground.cells - 0.5 - ground.corner[1]
     at = np.meshgrid(row, column, indexing="ij")
     height = map_coordinates(ground.height_m, at, order=1, mode="nearest")
     limit = map_coordinates(ground.limit_m, at, order=1, mode="nearest")

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple, Self
 
@@ -46,6 +46,14 @@ class TilePoints:
         """A subset of the points."""
         arrays = self.cell[kept], self.height_m[kept], self.t_s[kept]
         return TilePoints(self.grid, *arrays, self.base_m, self.begin_s)
+
+    def coarser(self, factor: int) -> "TilePoints":
+        """The same points in cells a power of two, at most SPOOL_TILE, times as large."""
+        if factor == 1:
+            return self
+        row, column = np.divmod(self.cell, SPOOL_TILE)
+        cell = (row // factor) * (SPOOL_TILE // factor) + column // factor
+        return replace(self, grid=self.grid.coarser(factor), cell=cell)
 
     def surface(self, statistic: Statistic, kept: NDArray[np.bool_] | None = None) -> Surface:
         """The surface of the tile, of all points or those kept (n,)."""

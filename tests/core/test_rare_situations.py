@@ -266,8 +266,6 @@ def test_points__of_a_cloud_that_nothing_is_left_of(tmp_path: Path) -> None:
     points.write(tmp_path / "a.las")
     clouds = open_clouds([tmp_path / "a.las"], CRS("EPSG:6677"))
     assert no_points_error(clouds, (50.0, 50.0, 60.0, 60.0)).code == "no-points-left"
-    settings = SurfaceSettings(cell_m=2.0, ground="csf", crs="EPSG:6677")
-    assert code_of(lambda: surface([tmp_path / "a.las"], tmp_path / "out", settings)) == "cells-too-coarse"
 
 
 def test_a_bag__of_a_folder_without_its_files(tmp_path: Path) -> None:

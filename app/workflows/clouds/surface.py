@@ -9,7 +9,7 @@ import rasterio
 from furrowmap.core.pointclouds.joined_clouds import no_points_error
 from furrowmap.core.pointclouds.spool_clouds import cell_for, spool_clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
-from furrowmap.core.pointclouds.surfaces import GroundMethod
+from furrowmap.core.pointclouds.surfaces import GroundMethod, finer_cells
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
@@ -73,11 +73,13 @@ def surface(
         cell_m = settings.cell_m
         if cell_m is None:
             cell_m = cell_for(opened, box, settings.classes, progress)
-        with PointSpool(cell_m, folder=staging) as points, PointSpool(cell_m, folder=staging) as ground:
+        factor = 1 if settings.ground == "none" else finer_cells(cell_m)
+        fine_m = cell_m / factor
+        with PointSpool(fine_m, folder=staging) as points, PointSpool(fine_m, folder=staging) as ground:
             spooled = spool_clouds(opened, points, ground, box, settings.classes, settings.every, progress)
-            grid = points.grid
-            if grid is None:
+            if points.grid is None:
                 raise no_points_error(opened, box)
+            grid = points.grid.coarser(factor)
             method = ground_method(settings.ground, spooled)
             report([*opened.notices, *spooled.notices, *_sparse_notices(grid, spooled.count)])
             records = input_records(opened, progress)

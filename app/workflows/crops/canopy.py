@@ -15,13 +15,13 @@ from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.joined_clouds import Clouds, near_box, no_points_error
 from furrowmap.core.pointclouds.spool_clouds import cell_for, spool_clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
-from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
+from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles, finer_cells
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
-from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool
+from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import Parcel
@@ -94,12 +94,13 @@ def canopy(
     records = [*input_records(opened, progress), *plots]
     with staged_folder(folder) as staging:
         pixel_m = settings.pixel_m or min(cell_for(opened, box, settings.classes, progress), MAX_PIXEL_M)
-        with PointSpool(pixel_m, folder=staging) as points, PointSpool(pixel_m, folder=staging) as ground:
+        fine_m = pixel_m / finer_cells(pixel_m)
+        with PointSpool(fine_m, folder=staging) as points, PointSpool(fine_m, folder=staging) as ground:
             spooled = spool_clouds(opened, points, ground, box, settings.classes, progress=progress)
             if points.grid is None:
                 raise no_points_error(opened, box)
             method = ground_method(settings.ground, spooled)
-            stands = _write_products(staging, opened, spooled, areas, settings, method, records, progress)
+            stands = _write_products(staging, opened, spooled, pixel_m, areas, settings, method, records, progress)
         if file is not None and not any(stand.returns for stand in stands):
             raise elsewhere_error(file, opened.points, box or (0.0, 0.0, 0.0, 0.0))
         for notice in (notices := [*opened.notices, *far, *spooled.notices]):
@@ -123,6 +124,7 @@ def _write_products(
     folder: Path,
     clouds: Clouds,
     spooled: SpooledClouds,
+    pixel_m: float,
     areas: Sequence[Parcel],
     settings: CanopySettings,
     method: GroundMethod,
@@ -130,19 +132,20 @@ def _write_products(
     progress: Progress,
 ) -> list[Stand]:
     """Write the canopy height model, the layer and the tables; the stands."""
-    grid = spooled.points.grid
-    assert grid is not None
+    factor = finer_cells(pixel_m)
+    assert spooled.points.grid is not None
+    grid = spooled.points.grid.coarser(factor)
     origin = Origin("canopy height", inputs=[(record.name, record.sha256) for record in records], span_s=spooled.span_s)
     with (
         RecordSpool(_HEIGHT, folder.parent) as heights,
         cog_output(folder / CANOPY_HEIGHT, grid, clouds.crs, [Band("canopy height")], origin) as put,
     ):
         area_at = _area_index(areas, settings.cell_m)
-        for tile in cloud_tiles(spooled, method, HIGHEST, "none", progress):
+        for tile in cloud_tiles(spooled, method, HIGHEST, "none", progress, factor):
             if tile.above_m is not None:
                 put(tile.grid, [np.maximum(tile.above_m, 0.0)])
-                _collect(heights, tile, spooled.points, area_at)
-        stands, shapes = _stands(heights, clouds, areas, settings, grid.cell_m)
+                _collect(heights, tile, area_at)
+        stands, shapes = _stands(heights, clouds, areas, settings, pixel_m)
     write_raster_style(folder / CANOPY_HEIGHT, "height_above_ground.qml")
     layer = canopy_layer(stands, shapes, areas)
     write_styled_layers(folder / CANOPY, [layer], clouds.crs, origin)
@@ -190,16 +193,15 @@ def _area_index(areas: Sequence[Parcel], cell_m: float | None) -> Callable[[Floa
 def _collect(
     heights: RecordSpool,
     tile: CloudTile,
-    points: PointSpool,
     area_at: Callable[[FloatArray, FloatArray], NDArray[np.int64]],
 ) -> None:
     """Add the heights above the ground of a tile's points under the key of their area, that of their pixel's middle."""
     grid = tile.grid
     assert tile.above_m is not None
-    own = points.tile((grid.west // SPOOL_TILE, grid.north // SPOOL_TILE - 1))
+    own = tile.points
     ground_m = (tile.dsm.height_m - tile.above_m).ravel()
     above = own.height_m + own.base_m - ground_m[own.cell]
-    row, column = np.divmod(own.cell.astype(np.int64), SPOOL_TILE)
+    row, column = np.divmod(own.cell.astype(np.int64), grid.columns)
     east = grid.west + column
     north = grid.north - 1 - row
     key = area_at((east + 0.5) * grid.cell_m, (north + 0.5) * grid.cell_m)

@@ -217,6 +217,23 @@ def test_blocks__leave_no_seams_in_the_ground(clouds: list[Path], monkeypatch: p
         np.testing.assert_array_equal(tile.dtm.count, other.count)
 
 
+@pytest.mark.parametrize("cell_m", [1.0, 2.0, 4.0])
+def test_ground__is_the_same_in_cells_of_any_size(clouds: list[Path], tmp_path: Path, cell_m: float) -> None:
+    """It is found in half a metre: a wide cell has the ground points of the narrow ones in it."""
+    for name, size_m in (("narrow", 0.5), ("wide", cell_m)):
+        furrowmap.surface(clouds, tmp_path / name, SurfaceSettings(cell_m=size_m, ground="smrf"))
+    factor = round(cell_m / 0.5)
+    for file in ("dsm.tif", "dtm.tif"):
+        narrow, grid = raster(tmp_path / "narrow" / file, 2)
+        wide, whole = raster(tmp_path / "wide" / file, 2)
+        assert whole == grid.coarser(factor)
+        sums = np.zeros(whole.shape)
+        row = whole.north - 1 - (grid.north - 1 - np.arange(grid.rows)) // factor
+        column = (grid.west + np.arange(grid.columns)) // factor - whole.west
+        np.add.at(sums, np.ix_(row, column), np.nan_to_num(narrow))
+        np.testing.assert_array_equal(np.nan_to_num(wide), sums, err_msg=file)
+
+
 def test_filled__gaps_are_filled_and_flagged(clouds: list[Path], tmp_path: Path) -> None:
     furrowmap.surface(clouds, tmp_path, SurfaceSettings(cell_m=0.2, fill_m=2.0))
     xyz, classes = written(clouds)
