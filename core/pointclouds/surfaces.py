@@ -62,10 +62,6 @@ def finer_cells(cell_m: float) -> int:
     """Into how many cells a side those of a surface are divided, so that the ground is found in half a metre or less.
 
     A power of two, as for :meth:`~furrowmap.core.surfaces.spool.TilePoints.coarser`.
-
-    Example:
-        >>> finer_cells(0.2), finer_cells(0.5), finer_cells(2.0)
-        (1, 1, 4)
     """
     return min(SPOOL_TILE, 1 << max(0, math.ceil(math.log2(cell_m / GROUND_CELL_M))))
 
