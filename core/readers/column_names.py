@@ -17,8 +17,8 @@ from typing import Final
 
 from pyproj import CRS
 
-from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.languages.texts import Text, Words
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.errors import InputError, Notice
 
 FOOT_M: Final = 0.3048
 _US_FOOT_M: Final = 1200.0 / 3937.0
@@ -41,10 +41,13 @@ _UNITS_AS_WRITTEN: Final = (
     (re.compile(r"°"), " deg "),
 )
 _SAME_WORDS: Final = {
-    "latitude": "lat", "longitude": "lon", "long": "lon", "lng": "lon",
-    "easting": "e", "east": "e", "northing": "n", "north": "n",
+    "latitude": "lat", "latitud": "lat", "breitengrad": "lat", "緯度": "lat", "longitude": "lon", "long": "lon",
+    "lng": "lon", "longitud": "lon", "langengrad": "lon", "laengengrad": "lon", "経度": "lon",
+    "easting": "e", "east": "e", "rechtswert": "e", "ostwert": "e", "ost": "e", "est": "e", "este": "e", "oost": "e",
+    "northing": "n", "north": "n", "hochwert": "n", "nordwert": "n", "nord": "n", "norte": "n", "noord": "n",
+    "東距": "e", "北距": "n", "標高": "h", "hauteur": "h", "altura": "h", "altitud": "h", "cota": "h", "quota": "h",
     "height": "h", "hgt": "h", "altitude": "h", "alt": "h", "elevation": "h", "elev": "h", "hohe": "h", "hoehe": "h",
-    "ell": "ellipsoidal", "ellipsoid": "ellipsoidal", "ellh": "ellipsoidal h",
+    "ell": "ellipsoidal", "ellipsoid": "ellipsoidal", "ellh": "ellipsoidal h", "楕円体高": "ellipsoidal h",
     "msl": "orthometric", "amsl": "orthometric", "geoid": "orthometric",
     "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
     "metre": "m", "metres": "m", "meter": "m",
@@ -86,6 +89,7 @@ def _vocabulary() -> dict[frozenset[str], tuple[str, dict[str, str]]]:
         add(word, {"deg": f"{word}_deg"}, f"{word}_deg")
     for words, name in (
         *((word, f"{word}_m") for word in "enh"),
+        *((word, word) for word in "xyz"),
         *((f"x {word}", f"{word}_m") for word in "en"),
         *((f"y {word}", f"{word}_m") for word in "en"),
         *((f"sigma {word}", f"sigma_{word}_m") for word in "enh"),
@@ -193,17 +197,15 @@ def length_unit_m(name: str) -> float | None:
     return _LENGTHS_M.get(_words_and_unit(name)[1])
 
 
-def unit_fault(units_m: Sequence[float | None], crs: CRS | None) -> Words:
-    """Why eastings and northings in stated units (metres in each) are not those of a CRS; "" where they may be."""
-    unit_m = crs.axis_info[0].unit_conversion_factor if crs is not None and crs.is_projected else 1.0
-    other = next((one for one in units_m if one is not None and abs(one / unit_m - 1.0) > _SAME_LENGTH), None)
+def in_units(crs: CRS | None, xy: FloatArray, units_m: Sequence[float | None]) -> tuple[FloatArray, list[Notice]]:
+    """Eastings and northings (n, 2) in the unit of a CRS, from those of their columns; None is that of the CRS."""
+    own_m = crs.axis_info[0].unit_conversion_factor if crs is not None and crs.is_projected else 1.0
+    shares = [1.0 if unit_m is None else unit_m / own_m for unit_m in units_m]
+    other = next((k for k, share in enumerate(shares) if abs(share - 1.0) > _SAME_LENGTH), None)
     if other is None:
-        return ""
-    return Text(
-        "states its eastings in units of {other:.10g} m, and the CRS has {unit_m:.10g} m: name them easting, northing",
-        other=other,
-        unit_m=unit_m,
-    )
+        return xy, []
+    unit_m = units_m[other]
+    return xy * shares, [Notice("eastings-in-other-unit", unit_m=unit_m, own_m=own_m, is_foot=unit_m == FOOT_M)]
 
 
 def without_unit(name: str) -> str | None:
@@ -229,12 +231,8 @@ def standard_names(names: Sequence[str]) -> list[str]:
 def expected_once(names: Sequence[str], used: Sequence[str], path: Path) -> dict[str, str]:
     """The name that furrowmap gives each column by that in the file; InputError if several mean one that is used."""
     found = dict(zip(names, standard_names(names), strict=True))
-    wanted = set(used)
-    written: dict[str, list[str]] = {}
-    for own, standard in found.items():
-        if standard in wanted:
-            written.setdefault(standard, []).append(own)
-    for name, same in written.items():
+    for name in dict.fromkeys(used):
+        same = [own for own, standard in found.items() if standard == name]
         if len(same) > 1:
             raise ambiguous(path, name, same)
     return found

@@ -14,14 +14,7 @@ from numpy.typing import NDArray
 from furrowmap.core.geodesy.crs_change import bounds_in, crs_change, horizontal_part
 from furrowmap.core.geodesy.longitudes import FEWEST_METRES, SaidBy, expect_degrees
 from furrowmap.core.readers.agopengps import elevation_file, read_elevations
-from furrowmap.core.readers.column_names import (
-    ELLIPSOIDAL_H,
-    SEA_LEVEL_H,
-    means,
-    standard_name,
-    unit_fault,
-    without_unit,
-)
+from furrowmap.core.readers.column_names import ELLIPSOIDAL_H, SEA_LEVEL_H, in_units, means, standard_name, without_unit
 from furrowmap.core.readers.text_table import TextTable, is_spreadsheet, read_table
 from furrowmap.core.readers.vector_file import is_vector, read_points_of_layer, said_by
 from furrowmap.core.runtime.arrays import FloatArray
@@ -110,16 +103,18 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     whole = np.isfinite(rows.xyz).all(axis=1) & ~none
     if not whole.any():
         raise _unreadable(path, Text("has no point with easting, northing and height"))
-    notices = list(rows.notices)
+    flat = horizontal_part(source)
+    xyz = rows.xyz[whole]
+    xyz[:, :2], converted = in_units(flat, xyz[:, :2], rows.units_m)
+    notices = [*rows.notices, *converted]
     if none.any():
         values = ", ".join(f"{value:.7g}" for value in np.unique(rows.xyz[none, 2])[:5])
         notices.append(Notice("nodata-undeclared.points", path=path.name, count=int(none.sum()), values=values))
     if not (whole | none).all():
         notices.append(Notice("points-incomplete", path=path.name, whole=int((~(whole | none)).sum())))
-    xyz = rows.xyz[whole]
     sigma = rows.sigma[whole]
-    names = tuple(rows.names[k] for k in np.flatnonzero(whole))
-    roles, targets = (_of_points(said, np.flatnonzero(whole)) for said in (rows.roles, rows.targets))
+    kept = np.flatnonzero(whole)
+    names, roles, targets = (_of_points(said, kept) for said in (rows.names, rows.roles, rows.targets))
     if unit_m != 1.0:
         xyz = xyz * np.array([1.0, 1.0, unit_m])
         sigma = sigma * np.where(rows.sigma_metres, 1.0, unit_m)
@@ -129,7 +124,6 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
         kinds[0] = ELLIPSOIDAL_HEIGHT
     if None not in kinds and kinds[0] != kinds[1]:
         raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
-    flat = horizontal_part(source)
     wanted = horizontal_part(target)
     if flat.is_geographic:
         expect_degrees(path, xyz[:, :2], flat, rows.said_by)
@@ -143,9 +137,6 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
 def _crs_of_rows(path: Path, rows: "_SurveyRows", stated: pyproj.CRS) -> pyproj.CRS:
     """The CRS of the rows of a table; of longitudes and latitudes the geographic base of a stated map."""
     flat = horizontal_part(stated)
-    fault = unit_fault(rows.units_m, flat)
-    if fault:
-        raise _unreadable(path, fault)
     base = flat.geodetic_crs
     if flat.is_geographic and (np.nanmax(np.abs(rows.xyz[:, :2]), axis=0, initial=0.0) > _MOST_DEGREES).any():
         raise InputError("points-crs-missing", path=path, flat=full_name_of(flat))
@@ -171,7 +162,7 @@ class _SurveyRows:
         metres: whether they are in metres, as it says; else in the unit of the CRS.
         said_by: what says that the coordinates are degrees, if they are.
         sigma_metres: whether the standard deviations along each axis are in metres, as their columns say.
-        units_m: of eastings and northings, in metres, None where they state none.
+        units_m: of eastings and northings, in metres, None where they are in that of the CRS.
     """
 
     names: list[str]
@@ -182,7 +173,7 @@ class _SurveyRows:
     metres: bool = False
     sigma_metres: tuple[bool, ...] = (False, False, False)
     crs: pyproj.CRS | None = None
-    units_m: tuple[float | None, ...] = ()
+    units_m: tuple[float | None, float | None] = (None, None)
     notices: tuple[Notice, ...] = ()
     said_by: SaidBy = "table"
     roles: tuple[str, ...] = ()
@@ -211,9 +202,8 @@ def _rows_of_agopengps(path: Path) -> _SurveyRows:
     count = len(found.lon_lat_h)
     names = [str(k) for k in range(1, count + 1)]
     notice = Notice("points-of-guidance", path=path.name, points=count, unfixed=count - found.fixed)
-    return _SurveyRows(
-        names, found.lon_lat_h, np.full((count, 3), np.nan), degrees=True, metres=True, notices=(notice,)
-    )
+    unknown = np.full((count, 3), np.nan)
+    return _SurveyRows(names, found.lon_lat_h, unknown, degrees=True, metres=True, notices=(notice,))
 
 
 def _rows_of_layer(path: Path, otherwise: pyproj.CRS | None) -> _SurveyRows:
@@ -246,7 +236,7 @@ def _rows_of_layer(path: Path, otherwise: pyproj.CRS | None) -> _SurveyRows:
     if (several := int((members > 1).sum())) > 0:
         notices.append(Notice("points-split", path=path.name, several=several, points=int(members[members > 1].sum())))
     xyz: FloatArray = np.column_stack([part(single) for part in (shapely.get_x, shapely.get_y, shapely.get_z)])
-    column = _first_filled(table, _HEIGHT_COLUMNS) or table.find([_HEIGHT_COLUMNS[0]])
+    column = _first_filled(table, _HEIGHT_COLUMNS) or table.find([_HEIGHT_COLUMNS[0], "z"])
     stated = None
     crs = layer.crs or otherwise
     own_m = vertical_unit_m(crs) if crs is not None else None
@@ -304,13 +294,7 @@ def _rows_of_table(path: Path, *, above_ellipsoid: bool) -> _SurveyRows:
         )
     wanted = (*place, height)
     if not all(_filled(table, name) for name in wanted):
-        faults = [(name, table.first_fault(name)) for name in wanted]
-        said = [
-            Text("line {line} holds {text!r} under {name}", line=at[0], text=at[1], name=name)
-            for name, at in faults
-            if at is not None
-        ]
-        fault = said[0] if said else None
+        fault = table.first_fault(wanted)
         raise _unreadable(path, Text("has no point with easting, northing and height{fault:: {fault}|}", fault=fault))
     xyz = np.column_stack([table.numbers(name) for name in wanted])
     degrees = any(means(table.written.get(place[0], place[0]), name) for name in _DEGREE_COLUMNS)
@@ -318,16 +302,14 @@ def _rows_of_table(path: Path, *, above_ellipsoid: bool) -> _SurveyRows:
         raise _unreadable(
             path, Text("has latitudes such as {largest:g}: longitude and latitude are swapped", largest=largest)
         )
-    ellipsoidal = _is_ellipsoidal(table, height)
     unit_m = table.unit_m(height)
     xyz[:, 2] *= unit_m or 1.0
     notices = [*table.notices, *([Notice("heights-in-feet", unit_m=unit_m)] if unit_m not in (None, 1.0) else [])]
     notices += _other_heights(table, height, path)
-    units = () if degrees else tuple(table.unit_m(name) for name in place)
+    units = (None, None) if degrees else (table.unit_m(place[0]), table.unit_m(place[1]))
     sigma, in_metres = _sigmas(table)
-    about = tuple(notices)
-    metres = unit_m is not None
-    rows = _SurveyRows(_names(table), xyz, sigma, degrees, ellipsoidal, metres, in_metres, None, units, about)
+    told = (degrees, _is_ellipsoidal(table, height), unit_m is not None, in_metres)
+    rows = _SurveyRows(_names(table), xyz, sigma, *told, units_m=units, notices=tuple(notices))
     return replace(rows, roles=_said(table, _ROLE_COLUMNS), targets=_said(table, _TARGET_COLUMNS))
 
 
@@ -385,15 +367,14 @@ def _said(table: TextTable, names: Sequence[str]) -> tuple[str, ...]:
     return () if column is None else tuple(text.strip() for text in table.columns[column])
 
 
-def _of_points(said: tuple[str, ...], rows: NDArray[np.intp]) -> tuple[str, ...]:
+def _of_points(said: Sequence[str], rows: NDArray[np.intp]) -> tuple[str, ...]:
     """What a column says of the points of some rows."""
     return tuple(said[k] for k in rows) if said else ()
 
 
 def _sigmas(table: TextTable) -> tuple[FloatArray, tuple[bool, ...]]:
     """Standard deviations (n, 3), and whether those of each axis are in metres, as their columns say."""
-    found = [_first_filled(table, names) for names in _DEVIATION_COLUMNS]
-    found = [name or table.find(names[:1]) for name, names in zip(found, _DEVIATION_COLUMNS, strict=True)]
+    found = [_first_filled(table, names) or table.find(names[:1]) for names in _DEVIATION_COLUMNS]
     unknown = np.full(len(table.lines), np.nan)
     units_m = [None if name is None else table.unit_m(name) for name in found]
     columns = [

@@ -152,12 +152,14 @@ class TextTable:
             cells = [cell.replace(",", ".") for cell in cells]
         return np.array([value if isinstance(value := number_or_text(cell), float) else np.nan for cell in cells])
 
-    def first_fault(self, name: str) -> tuple[int, str] | None:
-        """Line and text of the first cell of a column that is not a number; None if there is none."""
-        known = np.isfinite(self.numbers(name))
-        at = (k for k, cell in enumerate(self.columns[name]) if cell.strip() and not known[k])
-        found = next(at, None)
-        return None if found is None else (self.lines[found], self.columns[name][found].strip())
+    def first_fault(self, names: Iterable[str]) -> Text | None:
+        """The first cell of some columns that is not a number, in words; None if there is none."""
+        for name in names:
+            known = np.isfinite(self.numbers(name))
+            for line, cell, is_number in zip(self.lines, self.columns[name], known, strict=True):
+                if cell.strip() and not is_number:
+                    return Text("line {line} holds {text!r} under {name}", line=line, text=cell.strip(), name=name)
+        return None
 
 
 def number_or_text(text: str) -> float | str | None:
@@ -241,10 +243,10 @@ def _plain_names(cells: Sequence[str]) -> list[str]:
 
 def _means_other(written: str, plain: str) -> bool:
     """Whether a name means something else without its brackets: `Height (ellipsoidal)`, `X (Northing)`, `lon (rad)`."""
-    standard = standard_name(written)
+    standard = standard_name(written) or without_unit(written)
     if standard is not None:
         return standard != standard_name(plain)
-    return states_unit(written) and standard_name(plain) is not None and without_unit(written) is None
+    return states_unit(written) and standard_name(plain) is not None
 
 
 def _table_of(rows: list[list[str]], lines: list[int], *, decimal_comma: bool) -> TextTable:

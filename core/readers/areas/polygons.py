@@ -13,7 +13,7 @@ from pyproj import CRS
 from furrowmap.core.geodesy.longitudes import expect_degrees
 from furrowmap.core.readers.agopengps import is_field_folder, read_outline
 from furrowmap.core.readers.areas.repair import repaired, workable
-from furrowmap.core.readers.column_names import means, unit_fault
+from furrowmap.core.readers.column_names import in_units, standard_name, without_unit
 from furrowmap.core.readers.isoxml.content import is_task_data, open_task_sets, read_content
 from furrowmap.core.readers.text_table import column_names, is_spreadsheet, number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable, read_polygons
@@ -78,7 +78,8 @@ def _is_corner_table(path: Path) -> bool:
         words = set(_MAP_PAIRS[0]) if is_spreadsheet(path) else set(column_names(path))
     except OSError:
         return False
-    return any(all(any(means(word, name) for word in words) for name in pair) for pair in _PAIRS)
+    standard = {standard_name(word) or without_unit(word) for word in words}
+    return any(standard >= {standard_name(name) for name in pair} for pair in _PAIRS)
 
 
 def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> Polygons:
@@ -95,14 +96,11 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
         raise unreadable(
             Text("no rows with an identifier and two coordinates (its columns: {names})", names=table.names)
         )
-    other_unit = unit_fault([table.unit_m(name) for name in names], target) if pair in _MAP_PAIRS else ""
-    if other_unit:
-        raise unreadable(other_unit)
-    xy = np.column_stack([table.numbers(name) for name in names])
-    for name in names:
-        fault = table.first_fault(name)
-        if fault is not None:
-            raise unreadable(Text("line {line} holds {text!r} under {name}", line=fault[0], text=fault[1], name=name))
+    units_m = [table.unit_m(name) if pair in _MAP_PAIRS else None for name in names]
+    xy, converted = in_units(target, np.column_stack([table.numbers(name) for name in names]), units_m)
+    fault = table.first_fault(names)
+    if fault is not None:
+        raise unreadable(fault)
     if not np.isfinite(xy).all():
         row = int(np.flatnonzero(~np.isfinite(xy).all(axis=1))[0])
         raise unreadable(Text("line {line} has a coordinate that is empty or not finite", line=table.lines[row]))
@@ -131,6 +129,6 @@ def _corner_polygons(path: Path, target: CRS | None, unreadable: Unreadable) -> 
     if pair in _DEGREE_PAIRS:
         expect_degrees(path, xy, crs, "table")
     try:
-        return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, table.notices)
+        return Polygons(tuple(workable(shapes, crs)), tuple(attributes), crs, (*table.notices, *converted))
     except ValueError as error:
         raise unreadable(reason(error)) from None

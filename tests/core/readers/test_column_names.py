@@ -219,16 +219,72 @@ def test_standard_deviations__have_the_unit_of_their_column(tmp_path: Path) -> N
     np.testing.assert_allclose(found.sigma_m, [[0.012, 0.015, 0.02]])
 
 
-def test_eastings_in_feet__are_those_of_a_crs_in_feet_only(tmp_path: Path) -> None:
+def test_eastings_in_feet__are_those_of_a_crs_in_feet_as_they_are(tmp_path: Path) -> None:
+    """Either foot: tables write `ft` for that of the CRS."""
     path = table(tmp_path / "a.csv", "name,Easting (ft),Northing (ft),Height (m)", "A,980000,200000,9")
-    np.testing.assert_array_equal(read_points(path, FEET).xyz_m, [[980000.0, 200000.0, 9.0]])
-    with pytest.raises(InputError, match=r"in units of 0\.3048 m") as refused:
-        read_points(path, MAP)
-    assert len(str(refused.value).splitlines()) == 3
+    found = read_points(path, FEET)
+    np.testing.assert_array_equal(found.xyz_m, [[980000.0, 200000.0, 9.0]])
+    assert found.notices == ()
     corners = table(tmp_path / "b.csv", "id,Easting (ft),Northing (ft)", "A,0,0", "A,9,0", "A,9,9")
     assert read_area(corners, FEET).polygons[0].area == 40.5
-    with pytest.raises(InputError, match=r"in units of 0\.3048 m"):
-        read_area(corners, MAP)
+    metres = table(tmp_path / "c.csv", "name,e_m,n_m,h_m", "A,304800,60960,9")
+    foot_m = FEET.axis_info[0].unit_conversion_factor
+    np.testing.assert_allclose(read_points(metres, FEET).xyz_m[0, :2], [304800 / foot_m, 60960 / foot_m], rtol=1e-12)
+
+
+PLACES = (
+    ("e_m", "n_m"), ("Easting", "Northing"), ("E", "N"), ("X", "Y"), ("EAST", "north"), ("Y (Easting)", "X (Northing)"),
+    ("Rechtswert", "Hochwert"), ("RECHTSWERT", "hochwert"), ("Ostwert", "Nordwert"), ("Ost", "Nord"), ("Est", "Nord"),
+    ("Este", "Norte"), ("Oost", "Noord"), ("Y座標", "X座標"), ("東距", "北距"),
+)  # fmt: skip
+"""Names of eastings and northings."""
+PLACE_UNITS = {
+    "metre": ("m", "metres", "Meter", "メートル"),
+    "centimetre": ("cm", "centimetres"),
+    "millimetre": ("mm", "millimetres"),
+    "kilometre": ("km",),
+    "foot": ("ft", "feet", "Fuß", "フィート"),
+    "US survey foot": ("US ft", "ftUS", "US survey feet"),
+    "yard": ("yd",),
+}
+"""Units in names, by that of PROJ."""
+HEIGHT_NAMES = ("h_m", "Höhe", "HÖHE", "Hoehe", "Hauteur", "Altitude", "Altura", "Cota", "Quota", "z", "標高")
+
+
+@pytest.mark.parametrize("place", PLACES, ids="/".join)
+@pytest.mark.parametrize("unit", PLACE_UNITS)
+def test_eastings_and_northings__by_any_name_in_any_unit_become_those_of_the_crs(
+    place: tuple[str, str], unit: str, tmp_path: Path
+) -> None:
+    unit_m = get_units_map(category="linear")[unit].conv_factor
+    names = [name.removesuffix("_m") for name in place]
+    row = f"A,{580000 / unit_m:.9f},{5700000 / unit_m:.9f},90"
+    titles = [[f"{name} [{word}]" for name in names] for word in PLACE_UNITS[unit]]
+    if "座標" not in place[0] and "(" not in place[0]:
+        titles += [[f"{name}_{PLACE_UNITS[unit][0]}" for name in names]]
+    titles += [list(place)] if unit == "metre" else []
+    for number, (east, north) in enumerate(titles):
+        found = read_points(table(tmp_path / f"{number}.csv", f"name,{east},{north},h_m", row), MAP)
+        np.testing.assert_allclose(found.xyz_m, [[580000.0, 5700000.0, 90.0]], rtol=0, atol=1e-5)
+        told = [] if unit == "metre" else ["eastings-in-other-unit"]
+        assert [notice.code for notice in found.notices] == told
+        corners = table(tmp_path / f"{number}-corners.csv", f"id,{east},{north}", "A,0,0", "A,9,0", "A,9,9")
+        if "座標" not in place[0]:
+            assert read_area(corners, MAP).polygons[0].area == pytest.approx(40.5 * unit_m**2)
+
+
+@pytest.mark.parametrize("name", HEIGHT_NAMES)
+def test_heights__are_known_in_other_languages(name: str, tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", f"Name,Rechtswert,Hochwert,{name}", "A,580000,5700000,90")
+    np.testing.assert_array_equal(read_points(path, MAP).xyz_m, [[580000.0, 5700000.0, 90.0]])
+    feet = table(tmp_path / "b.csv", f"Name,Rechtswert,Hochwert,{name.removesuffix('_m')}_ft", "A,580000,5700000,300")
+    assert read_points(feet, MAP).xyz_m[0, 2] == pytest.approx(91.44)
+
+
+@pytest.mark.parametrize(("east", "north"), [("Längengrad", "Breitengrad"), ("Longitud", "Latitud"), ("経度", "緯度")])
+def test_longitudes_and_latitudes__are_known_in_other_languages(east: str, north: str, tmp_path: Path) -> None:
+    found = read_points(table(tmp_path / "a.csv", f"Name,{east},{north},h_m", "A,9.0,51.5,90"), MAP)
+    np.testing.assert_allclose(found.xyz_m[0, 0], 500000.0, atol=0.01)
 
 
 def test_brackets_that_change_the_meaning__are_not_dropped(tmp_path: Path) -> None:
