@@ -24,6 +24,8 @@ from furrowmap.core.values.plot_grid import PlotGrid
 MAX_PLOTS: Final = 100_000
 MAX_MISFIT_M: Final = 0.10
 """Corners that fit the sizes this well raise no notice."""
+SHORTEST_PLOT_M: Final = 0.05
+"""Shorter ones follow from corners that are the same, or that are no metres."""
 
 
 def plot_grid(
@@ -64,7 +66,7 @@ def plot_grid(
         measured = float(np.hypot(*base)) / scale
         along = base / max(scale * measured, 1e-12)
         length_m = grid.length_m if grid.length_m is not None else (measured - gaps_m) / grid.columns
-        if length_m <= 0.0:
+        if length_m < SHORTEST_PLOT_M:
             fault = Text(
                 "The corners are {measured_m:.2f} m apart, and the alleys alone take {gaps_m:.2f} m",
                 measured_m=measured,

@@ -92,6 +92,7 @@ def test_two_corners__give_direction_and_length() -> None:
         ({}, CORNER + 1.0, 90.0, "stated twice"),
         ({"length_m": None}, None, 90.0, "length of a plot is not stated"),
         ({"length_m": None}, CORNER + 1.0, None, "alleys alone take 2.00 m"),
+        ({"length_m": None, "alley_m": 0.0}, CORNER + 1e-4, None, "0.00 m apart"),
         ({"by_block": True}, None, 90.0, "there are no blocks"),
         ({"rows": 1000, "columns": 1000}, None, 90.0, "1,000,000 plots"),
     ],
@@ -140,6 +141,44 @@ def test_plots__have_their_sizes_on_the_ground(crs: str) -> None:
     end = Place(*to_degrees.transform(*shapely.get_coordinates(found.parcels[2].gross)[1]), "EPSG:4258")
     again = plots(PlotGrid(2, 3, None, 2.5, 1.0, 0.5), None, crs, Place(11.39, 55.33, "EPSG:4258"), end=end)
     assert shapely.equals_exact(again.parcels[5].gross, found.parcels[5].gross, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("crs", "corner", "end"),
+    [
+        ("EPSG:25832", Place(10.2, 51.3), None),
+        ("EPSG:25832", Place(51.3, 10.2), None),
+        ("EPSG:25832", Place(651_000.0, 6_132_600.0), Place(10.2, 51.3)),
+        ("EPSG:25832", Place(10.2, 51.3, "EPSG:25833"), None),
+        ("EPSG:25832", Place(-120.0, 40.0), None),
+        ("EPSG:3857", Place(10.2, 51.3), None),
+        ("EPSG:6677", Place(139.8, 36.1), None),
+        ("EPSG:3460", Place(-179.9, -17.0), None),
+        ("+proj=laea +lat_0=51.3 +lon_0=10.2 +ellps=GRS80 +units=m", Place(10.21, 51.31), None),
+    ],
+)
+def test_corners_in_degrees__are_refused_in_a_projected_crs(crs: str, corner: Place, end: Place | None) -> None:
+    """In either order, in each CRS of the map or of a corner; EPSG:3460 lies across the antimeridian."""
+    azimuth_deg = 90.0 if end is None else None
+    with pytest.raises(InputError, match="looks like longitude and latitude") as refused:
+        plots(SMALL, None, crs, corner, end=end, azimuth_deg=azimuth_deg)
+    assert refused.value.code == "plots-degrees"
+    lines = str(refused.value).splitlines()
+    assert len(lines) == 3
+    assert ("--corner-crs" if end is None else "--end-crs") in lines[2]
+
+
+@pytest.mark.parametrize(
+    ("crs", "corner"),
+    [
+        ("EPSG:6677", Place(139.8, 36.1, "EPSG:6677")),
+        ("EPSG:6677", Place(12.5, 80.0)),
+        ("+proj=laea +lat_0=51.3 +lon_0=10.2 +ellps=GRS80 +units=m", Place(120.5, 40.0)),
+    ],
+)
+def test_small_coordinates__near_the_origin_of_a_map_are_metres(crs: str, corner: Place) -> None:
+    found = plots(SMALL, None, crs, corner, azimuth_deg=90.0)
+    assert found.parcels[0].gross.bounds[:2] == pytest.approx((corner.x, corner.y))
 
 
 def test_command__writes_a_geopackage_and_refuses_what_it_cannot(
