@@ -175,7 +175,7 @@ def test_implements__of_another_form(changed: dict[str, object], words: str, tmp
 
 
 def test_tasks__without_positions(tmp_path: Path) -> None:
-    with refusal("no-positions", r"none of its 1 tasks has a time log with positions"):
+    with refusal("no-positions", r"none of its 1 task has a time log with positions"):
         task_works(task_data(tmp_path / "TASKDATA", '<TSK A="TSK1" B="run" G="4"/>', {}))
 
 

@@ -354,7 +354,7 @@ def test_heights_of_agopengps__are_noticed_with_those_that_are_not_fixed(tmp_pat
     (notice,) = found.notices
     assert notice.code == "points-of-guidance"
     assert "5 heights" in notice.text
-    assert "1 of them have no fixed ambiguities" in notice.text
+    assert "1 of them has no fixed ambiguities" in notice.text
 
 
 @pytest.mark.parametrize(

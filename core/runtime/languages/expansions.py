@@ -7,10 +7,13 @@ from furrowmap.core.runtime.languages.templates import Choice, Hole, Part, parts
 
 
 def expansions(english: str, other: str) -> Iterator[tuple[str, str]]:
-    """Every text that a template can be, with … for its values, and the other language's with {1}, {2}, … for them."""
+    """Every text that a template can be, with … for its values, and the other language's with {1}, {2}, … for them.
+
+    Of choices by a number only the plural.
+    """
     ours = parts_of(english)
     theirs = parts_of(other)
-    choices = sorted({part.name for part in walk(ours) if isinstance(part, Choice)})
+    choices = sorted({part.name for part in walk(ours) if isinstance(part, Choice) and not part.by_number})
     for picked in product((True, False), repeat=len(choices)):
         pick = dict(zip(choices, picked, strict=True))
         text = ""
@@ -34,6 +37,6 @@ def expansions(english: str, other: str) -> Iterator[tuple[str, str]]:
 def _chosen(parts: tuple[Part, ...], pick: Mapping[str, bool]) -> Iterator[str | Hole]:
     for part in parts:
         if isinstance(part, Choice):
-            yield from _chosen(part.yes if pick[part.name] else part.no, pick)
+            yield from _chosen(part.yes if not part.by_number and pick[part.name] else part.no, pick)
         else:
             yield part

@@ -2,6 +2,7 @@
 
 In a template `{name}` is a value, `{name:.1f}` a value with its format (English alone states formats), and
 `{name:one|other}` is a choice: `one` where the value is neither None, False nor empty. `{{` and `}}` are braces.
+`{name#point|points}` is a choice by a number that stands in a hole of the English template: the first text for 1.
 `{name:figures}` is a string with numbers in English notation, such as "33.43 ± 0.21 m²", which follow the language.
 """
 
@@ -13,7 +14,7 @@ from typing import Final, TypeAlias
 
 Part: TypeAlias = "str | Hole | Choice"
 _TOKEN: Final = re.compile(r"\{\{|\}\}|[{}|]")
-_HOLE_NAME: Final = re.compile(r"([a-z_0-9]+)(![rs])?(:)?")
+_HOLE_NAME: Final = re.compile(r"([a-z_0-9]+)(![rs])?([:#])?")
 FIGURES: Final = "figures"
 """The format of a hole for a string with numbers."""
 
@@ -35,11 +36,12 @@ class Hole:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of two texts."""
+    """One of two texts; `by_number` if the first is for 1."""
 
     name: str
     yes: tuple[Part, ...]
     no: tuple[Part, ...]
+    by_number: bool
 
 
 @lru_cache(maxsize=4096)
@@ -57,16 +59,14 @@ def _parse(text: str, start: int, stops: str) -> tuple[tuple[Part, ...], int]:
     literal = ""
     at = start
     while at < len(text) and text[at] not in stops:
-        if text.startswith("{{", at) or (not stops and text.startswith("}}", at)):
-            literal = literal + text[at]
-            at = at + 2
-        elif text[at] == "{":
+        is_doubled = text.startswith("{{", at) or (not stops and text.startswith("}}", at))
+        if text[at] == "{" and not is_doubled:
             part, at = _named_part(text, at + 1)
             found += [literal, part] if literal else [part]
             literal = ""
         else:
             literal = literal + text[at]
-            at = at + 1
+            at = at + 1 + is_doubled
     return (*found, literal) if literal else tuple(found), at
 
 
@@ -75,15 +75,15 @@ def _named_part(text: str, start: int) -> tuple[Part, int]:
     if named is None:
         message = f"a name is missing behind a brace: {text!r}"
         raise ValueError(message)
-    name, conversion, colon = named.groups()
-    if not colon:
+    name, conversion, mark = named.groups()
+    if not mark:
         return Hole(name, "", (conversion or "")[1:]), named.end() + 1
     plain = _TOKEN.search(text, named.end())
-    if plain is not None and plain[0].startswith("}"):
+    if mark == ":" and plain is not None and plain[0].startswith("}"):
         return Hole(name, text[named.end() : plain.start()], (conversion or "")[1:]), plain.start() + 1
     yes, bar = _parse(text, named.end(), "|")
     no, end = _parse(text, bar + 1, "}")
-    return Choice(name, yes, no), end + 1
+    return Choice(name, yes, no, mark == "#"), end + 1
 
 
 def walk(parts: tuple[Part, ...]) -> Iterator[Hole | Choice]:
@@ -137,5 +137,6 @@ def fill(
             text += value if text.count("`") % 2 else said(value)
         else:
             chosen = values[part.name]
-            text = fill(part.no if chosen is None or chosen is False or chosen == "" else part.yes, values, said, text)
+            is_no = chosen != "1" if part.by_number else chosen in (None, False, "")
+            text = fill(part.no if is_no else part.yes, values, said, text)
     return text

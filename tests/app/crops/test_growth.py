@@ -123,7 +123,7 @@ def test_growth__wants_two_days_and_ground_in_common(trial: Path, tmp_path: Path
     clouds, parcels = [trial / f"{day}.laz" for day in DAYS[:2]], trial / "parcels.gpkg"
     with pytest.raises(UsageError, match="two days or more"):
         furrowmap.growth(clouds, parcels, tmp_path / "x", furrowmap.GrowthSettings(days=("2026-05-13", "2026-05-13")))
-    with pytest.raises(UsageError, match="1 days for 2 clouds"):
+    with pytest.raises(UsageError, match="1 day for 2 clouds"):
         furrowmap.growth(clouds, parcels, tmp_path / "x", furrowmap.GrowthSettings(days=("2026-05-13",)))
     timeless = write_flight(tmp_path / "timeless.laz", 0, clock=False)
     with pytest.raises(InputError) as refused:

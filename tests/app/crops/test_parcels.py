@@ -279,5 +279,5 @@ def test_doses_as_texts_of_a_layer__are_read_and_those_without_a_number_named(tr
     layer.to_file(tmp_path / "parcels.gpkg")
     account = furrowmap.parcels([trial / "flight.laz"], tmp_path / "parcels.gpkg", tmp_path / "out")
     texts = [each["text"] for each in account["warnings"] if each["code"] == "trial-cells-unread"]
-    assert texts == ["n_kg_ha: 1 of 3 cells hold no number, the first 'n.a.' (parcel far). They are left out."]
+    assert texts == ["n_kg_ha: 1 of 3 cells holds no number, the first 'n.a.' (parcel far). It is left out."]
     assert "2 parcels with 2 different doses" in account["response"]["words"]

@@ -304,7 +304,7 @@ def test_a_treatment_table__with_one_text_for_a_dose_keeps_the_others(trial: tup
     trial[1].write_text(text, encoding="utf-8")
     found = furrowmap.response([trial[0]], trial[1], tmp_path / "out")
     assert [notice["code"] for notice in found["warnings"]] == ["trial-cells-unread"]
-    assert "n_kg_ha: 1 of 28 cells hold no number, the first 'unknown' (parcel 4)" in found["warnings"][0]["text"]
+    assert "n_kg_ha: 1 of 28 cells holds no number, the first 'unknown' (parcel 4)" in found["warnings"][0]["text"]
     assert found["flights"][0]["doses"] == 7
 
 

@@ -38,7 +38,7 @@ def test_promise_14__one_far_point_is_left_out_and_counted(tmp_path: Path) -> No
     surface = furrowmap.surface([path], tmp_path / "surface", progress=Told())
     for account in (cleaned, surface):
         (warning,) = (w for w in account["warnings"] if w["code"] == "points-far")
-        assert warning["text"].startswith("1 of 20,001 points lie more than 1000 m from all others")
+        assert warning["text"].startswith("1 of 20,001 points lies more than 1000 m from all others")
     assert cleaned["figures"]["points"] == 20_000
     assert surface["figures"]["columns"] * surface["figures"]["cell_m"] < 32.0
 

@@ -108,7 +108,7 @@ def test_points_elsewhere__are_refused_with_the_likely_reason() -> None:
     with pytest.raises(InputError, match="Compare their locations") as refused:
         expect_in_sight(control(np.array([[6000.0, 9000.0, 0.0]])), track)
     assert refused.value.code == "ground-control-nowhere"
-    with pytest.raises(InputError, match="swapped 1 points"):
+    with pytest.raises(InputError, match="swapped 1 point lies"):
         expect_in_sight(control(np.array([[9000.0, 5000.0, 0.0]])), track)
     expect_in_sight(control(np.array([[5100.0, 9000.0, 0.0], [0.0, 0.0, 0.0]])), track)
 

@@ -67,7 +67,7 @@ def test_jumps__are_two_metres_or_one_between_carrier_phase_solutions(
     notices = jump_notices(track_of(t_s, north_m, fix), "{:.0f} s".format)
     assert len(notices) == jumps
     if jumps:
-        assert "jump 1 times" in notices[0].text
+        assert "jump 1 time " in notices[0].text
         assert f"more than {1 if fix in (Fix.FIXED, Fix.FLOAT) else 2} m" in notices[0].text
         assert f"the largest jump is {off_m + 0.5 * speed_mps:.1f} m" in notices[0].text
         assert "(0 times with a change of fix)" in notices[0].text
@@ -86,7 +86,7 @@ def test_jumps__with_a_change_of_fix_are_counted_and_fewer_than_six_positions_ha
     track = track_of(t_s, np.where(t_s < 10.0, 0.0, 5.0))
     track.fix[10:] = Fix.FIXED
     (notice,) = jump_notices(track)
-    assert "(1 times with a change of fix)" in notice.text
+    assert "(1 time with a change of fix)" in notice.text
     assert "more than 2 m" in notice.text
     assert len(jump_notices(track[7:13])) == 1
     assert jump_notices(track[8:13]) == []

@@ -81,7 +81,7 @@ def test_positions_and_sigmas__are_those_of_xmp(
     assert images.t_s[0] - FIRST.timestamp() == pytest.approx(0.4321, abs=1e-5)
     assert images.lon_lat_h[0] == pytest.approx(PLACE)
     assert images.sigma_m[0] == pytest.approx(SIGMA_M)
-    assert "1 of 1 images" in notices["images-marked.xmp"]
+    assert "1 of 1 image has" in notices["images-marked.xmp"]
     assert "1 of fixed solutions, with standard deviations of 0.012 m" in notices["images-marked.xmp"]
 
 

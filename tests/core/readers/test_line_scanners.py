@@ -231,7 +231,7 @@ def test_csv__far_ranges_are_left_out_and_counted(tmp_path: Path) -> None:
     assert scan.column.tolist() == [k for k in range(50) if k != 7]
     (notice,) = reader.notices
     assert notice.code == "points-invalid"
-    assert notice.text.endswith("line.csv: 1 ranges beyond 2,000 m are left out.")
+    assert notice.text.endswith("line.csv: 1 range beyond 2,000 m is left out.")
 
 
 def test_csv__that_was_cut_within_its_compression_is_read_up_to_there(tmp_path: Path) -> None:

@@ -524,7 +524,7 @@ def test_promise_12__jumps_of_metres_are_listed_with_time_and_place(tmp_path: Pa
     reader = NmeaLog([path], ReadOptions(date="2026-06-11"))
     reader.track()
     text = next(notice.text for notice in reader.notices if notice.code == "position-jumps")
-    assert "1 times" in text
+    assert "1 time " in text
     assert "jump is 5.0 m" in text
     assert "2026-06-11T12:00:20.000Z at 35.50008, 139.00000" in text
 

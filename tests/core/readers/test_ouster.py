@@ -315,7 +315,7 @@ def test_lost_repeated_and_late_packets__and_a_clock_that_is_set(tmp_path: Path)
     reader, scans = scans_of(path)
     notices = {notice.code: notice for notice in reader.notices}  # type: ignore[attr-defined]
     assert {"lost-packets", "repeated-packets", "late-packets", "pauses"} <= set(notices)
-    assert notices["lost-packets"].text.startswith("10 packets are missing in 1 gaps")
+    assert notices["lost-packets"].text.startswith("10 packets are missing in 1 gap")
     assert sum(len(scan) for scan in scans) == 32 * 16 * (100 + 90 + 54)
     late = bytearray(data)
     stamps(late)["ns"][200:] -= 1_000_000_000

@@ -265,7 +265,7 @@ def test_pcapng__of_more_interfaces_than_are_kept_gives_those_of_the_first_1024(
     assert [data for _, data in found] == [b"first", b"last kept", b"after", b"first"]
     (notice,) = capture.notices
     assert notice.code == "damaged-records"
-    assert f"{len(packets[2])} damaged bytes at 1 places" in notice.text
+    assert f"{len(packets[2])} damaged bytes at 1 place" in notice.text
 
 
 def test_capture__larger_than_a_block_loses_nothing(tmp_path: Path) -> None:
@@ -284,7 +284,7 @@ def test_capture__steps_over_damage_in_the_middle(tmp_path: Path) -> None:
     found, capture = read(path)
     assert [data[0] for _, data in found] == [i for i in range(20) if i != 7]
     assert [n.code for n in capture.notices] == ["damaged-records"]
-    assert f"{record:,} damaged bytes at 1 places (the first at byte {24 + 7 * record:,})" in capture.notices[0].text
+    assert f"{record:,} damaged bytes at 1 place (the first at byte {24 + 7 * record:,})" in capture.notices[0].text
 
 
 def test_pcapng__steps_over_damage_in_the_middle(tmp_path: Path) -> None:

@@ -29,14 +29,14 @@ def log_at(folder: Path, t_s: list[float]) -> NmeaLog:
 @pytest.mark.parametrize(
     ("t_s", "words"),
     [
-        (np.delete(np.arange(12.0), 6), "1 epochs are missing (gaps: 1), at a rate of 1 Hz; the longest gap has 2 s"),
+        (np.delete(np.arange(12.0), 6), "1 epoch is missing (gaps: 1), at a rate of 1 Hz; the longest gap has 2 s"),
         (np.delete(np.arange(11.0), 6), ""),
         (np.delete(np.arange(40.0) / 5.0, [10, 11, 20]), "3 epochs are missing (gaps: 2), at a rate of 5 Hz"),
         (np.delete(np.arange(60.0), [*range(5, 50, 5)]), "9 epochs are missing (gaps: 9)"),
         (np.delete(np.arange(60.0), [*range(2, 50, 3)]), ""),
         (np.arange(30.0), ""),
         (np.cumsum([1.0, 1.3, 0.7] * 10), ""),
-        (np.delete(np.cumsum([1.0, 1.04, 0.96] * 10), 15), "1 epochs are missing"),
+        (np.delete(np.cumsum([1.0, 1.04, 0.96] * 10), 15), "1 epoch is missing"),
     ],
 )
 def test_epochs__missing_from_a_regular_log_are_counted(t_s: NDArray[np.float64], words: str, tmp_path: Path) -> None:

@@ -264,7 +264,7 @@ def test_positions__of_two_dimensions_and_of_sbas_are_told(tmp_path: Path) -> No
         reader = SbfLog([tmp_path / "log.sbf"], ReadOptions())
         assert reader.track().service == service
         assert [notice.code for notice in reader.notices] == codes
-        assert all("1 positions are 2D" in notice.text for notice in reader.notices)
+        assert all("1 position is a 2D fix" in notice.text for notice in reader.notices)
 
 
 @pytest.mark.parametrize(

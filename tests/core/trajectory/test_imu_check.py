@@ -95,7 +95,7 @@ def test_times__of_arrival_and_pauses_are_told() -> None:
     kept = np.ones(len(SOUND), bool)
     kept[1000:1100] = False
     cut = InertialTrack(SOUND.t_s[kept], SOUND.rate_radps[kept], SOUND.force_mps2[kept])
-    assert "1 pauses, 1.01 s in all" in found(cut)["imu-pauses"]
+    assert "1 pause, 1.01 s in all" in found(cut)["imu-pauses"]
 
 
 def test_axis_that_freezes__is_left_out_for_that_time() -> None:

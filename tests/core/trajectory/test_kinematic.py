@@ -177,7 +177,7 @@ def test_why_positions_cannot_be_used_is_told() -> None:
     n = len(truth.t_s)
     with pytest.raises(InputError, match="height above the ellipsoid"):
         trajectory_from_gnss(track_of(truth, height_m=np.full(n, np.nan)), FRAME, LEVER_M, None)
-    with pytest.raises(InputError, match="1 of its 1 epochs"):
+    with pytest.raises(InputError, match="1 of its 1 epoch has"):
         trajectory_from_gnss(track_of(truth)[:1], FRAME, LEVER_M, None)
 
 

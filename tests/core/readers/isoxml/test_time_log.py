@@ -227,7 +227,7 @@ def test_damage__two_records_of_neighbouring_days_end_it(days_on: int, kept: int
     found = read(records)
     assert len(found) == 1 + kept
     size = len(records[0].pack())
-    assert f"{size * (3 - kept)} of {4 * size} bytes in 1 places" in found.notices[0].text
+    assert f"{size * (3 - kept)} of {4 * size} bytes in 1 place " in found.notices[0].text
 
 
 def test_header__numbers_256_values_and_no_more() -> None:

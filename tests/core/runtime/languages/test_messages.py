@@ -59,6 +59,44 @@ def test_messages__are_translated_in_every_choice(language: str) -> None:
             assert "\0" not in other, (key, part)
 
 
+COUNTED = (
+    "addresses|attitudes|blocks|bytes|cells|channels|chunks|clouds|columns|control points|days|epochs|features|fields|"
+    "files|folders|frames|gaps|images|lines|logs|measurements|messages|packets|parcels|pauses|places|points|poses|"
+    "positions|ranges|records|rows|satellites|scans|sections|sentences|sessions|stamps|surveyed points|talkers|"
+    r"times(?! as | its | the | those |\.)|of the control points (?:are|take)"
+)
+PLURAL = re.compile(rf"(?<!x )(?<!× )(?<!Fewer than )(?<![-.,\w])1 (?:{COUNTED})\b")
+MEAN_NUMBERS = {"implement-not-seen"}
+"""Messages with means, such as 0.4 points."""
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_choices_by_a_number__have_that_number_in_their_text(language: str) -> None:
+    for key, part in KEYS:
+        parts = list(walk(parts_of(templates(language)[key][part])))
+        by_number = {each.name for each in parts if isinstance(each, Choice) and each.by_number}
+        english = {each.name for each in walk(parts_of(templates("en")[key][part])) if isinstance(each, Hole)}
+        assert by_number <= english, (key, part)
+
+
+def test_one__is_no_plural_in_english() -> None:
+    wrong = []
+    for key, part in KEYS:
+        parts = parts_of(templates("en")[key][part])
+        said = fill(parts, {each.name: "1" for each in walk(parts)})
+        if PLURAL.search(said) and key not in MEAN_NUMBERS:
+            wrong.append((key, said))
+    assert wrong == []
+
+
+def test_choice_by_a_number__is_of_one_and_others_in_each_language() -> None:
+    assert Notice("ground-control-few", used=1, fewest=3).text.startswith("Only 1 of the control points takes part:")
+    assert Notice("ground-control-few", used=2, fewest=3).text.startswith("Only 2 of the control points take part:")
+    assert Notice("late-packets", late=1).text == "1 packet has an earlier stamp than the one before."
+    assert Notice("late-packets", late=21_001).text == "21,001 packets have an earlier stamp than the one before."
+    assert list(expansions("{n} {n#point is|points are} here", "{n} 点")) == [("… points are here", "{1} 点")]
+
+
 def test_japanese__is_japanese() -> None:
     for key, part in KEYS:
         for english, japanese in expansions(templates("en")[key][part], templates("ja")[key][part]):
