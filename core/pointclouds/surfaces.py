@@ -9,6 +9,8 @@ import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
+from threading import Lock
 from typing import Final, Literal
 
 import numpy as np
@@ -17,6 +19,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
+from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.gaps import filled
@@ -30,7 +33,7 @@ Key = tuple[int, int]
 GroundMethod = Literal["smrf", "csf", "class", "none"]
 
 GROUND_CELL_M: Final = 0.5
-BLOCK_M: Final = 128.0
+SURFACE_BLOCK_M: Final = 256.0
 SMRF: Final = Smrf()
 MAX_GROUND_DISTANCE_M: Final = 10.0
 """Greatest distance from observed ground of a height above ground."""
@@ -94,21 +97,19 @@ def cloud_tiles(
     for column, row in keys:
         blocks.setdefault((column // across, row // across), []).append((column, row))
     source = spooled.ground if method == "class" else spooled.points
-    lows = _Lows(source, set(source.tiles))
-    done = 0
+    lows = _Lows(source, set(source.tiles) if method != "none" else set())
+    ordered = [block for _, block in sorted(blocks.items(), key=lambda item: (-item[0][1], item[0][0]))]  # north first
     with ThreadPoolExecutor(threads()) as pool:
         points, of_ground = (
             filter_tiles(spool, outliers, pool, lambda share: progress("looking for noise", share))
             for spool in (spooled.points, spooled.ground)
         )
-        for _, block in sorted(blocks.items(), key=lambda item: (-item[0][1], item[0][0])):  # north first, then west
-            ground = _ground(block, lows, method) if method != "none" else None
-            yield from pool.map(
-                lambda key, ground=ground: _tile(points, of_ground, key, ground, method, statistic, factor), block
-            )
-            done += len(block)
+        grounds = in_turn(pool, lambda block: _ground(block, lows, method), ordered, threads())
+        for number, (block, ground) in enumerate(zip(ordered, grounds, strict=True), start=1):
+            made = partial(_tile, points, of_ground, ground, method, statistic, factor)
+            yield from in_turn(pool, made, block, 2 * threads())
             lows.forget_above(block)
-            progress("making surfaces", done / len(keys))
+            progress("making surfaces", number / len(ordered))
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,7 @@ class _Lows:
     spool: PointSpool
     there: set[Key]
     kept: dict[Key, tuple[Key, FloatArray]] = field(default_factory=dict)
+    lock: Lock = field(default_factory=Lock)
 
     @property
     def cells(self) -> int:
@@ -137,15 +139,16 @@ class _Lows:
 
     def of(self, key: Key) -> tuple[Key, FloatArray]:
         """Column and row of the first coarse cell of a tile, and the heights (rows, columns), southernmost first."""
-        if key not in self.kept:
-            self.kept[key] = self._lowest(key)
-        return self.kept[key]
+        with self.lock:
+            if key not in self.kept:
+                self.kept[key] = self._lowest(key)
+            return self.kept[key]
 
     def forget_above(self, block: list[Key]) -> None:
         """Drop tiles that the blocks from this one southward do not need."""
-        reach = _margin(self.spool.cell_m) + _across(self.spool.cell_m)
-        north = max(row for _, row in block) + reach
-        self.kept = {key: low for key, low in self.kept.items() if key[1] <= north}
+        north = max(row for _, row in block) + _margin(self.spool.cell_m) + _across(self.spool.cell_m)
+        with self.lock:
+            self.kept = {key: low for key, low in self.kept.items() if key[1] <= north}
 
     def _lowest(self, key: Key) -> tuple[Key, FloatArray]:
         fine = self.spool.tile(key).surface(_LOWEST).height_m[::-1]
@@ -163,7 +166,7 @@ class _Lows:
 
 def _across(cell_m: float) -> int:
     """Tiles a side of a block."""
-    return max(1, math.ceil(BLOCK_M / (SPOOL_TILE * cell_m)))
+    return max(1, math.ceil(SURFACE_BLOCK_M / (SPOOL_TILE * cell_m)))
 
 
 def _margin(cell_m: float) -> int:
@@ -187,16 +190,21 @@ def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | No
         return None
     n = lows.cells
     parts = [lows.of(key) for key in near]
-    tiles = np.array(block) * SPOOL_TILE
     first = np.array([corner for corner, _ in parts])
     behind = first + [low.shape[::-1] for _, low in parts]
-    west, south = np.minimum(first.min(axis=0), tiles.min(axis=0) // n).tolist()
-    east, north = np.maximum(behind.max(axis=0), (tiles.max(axis=0) + SPOOL_TILE) // n + 1).tolist()
-    lowest = np.full((north - south, east - west), np.nan)
-    for (column, row), low in parts:
-        there = lowest[row - south : row - south + low.shape[0], column - west : column - west + low.shape[1]]
+    own_corner = np.min(block, axis=0) * SPOOL_TILE // n
+    own_end = (np.max(block, axis=0) + 1) * SPOOL_TILE // n + 1
+    corner = np.minimum(first.min(axis=0), own_corner)
+    end = np.maximum(behind.max(axis=0), own_end)
+    lowest = np.full((end - corner)[::-1], np.nan)
+    for place, (_, low) in zip(first - corner, parts, strict=True):
+        there = lowest[place[1] : place[1] + low.shape[0], place[0] : place[0] + low.shape[1]]
         np.fmin(there, low, out=there)
     coarse_m = n * cell_m
+    around = math.ceil(2.0 * SMRF.window_m / coarse_m)  # tiles around reach further
+    west, south = np.maximum(own_corner - around, corner).tolist()
+    east, north = (own_end + around).tolist()
+    lowest = lowest[south - corner[1] : north - corner[1], west - corner[0] : east - corner[0]]
     seen = _ground_seen(lowest, coarse_m, method)
     if not seen.any():
         return None
@@ -225,11 +233,11 @@ def _ground_seen(lowest: FloatArray, coarse_m: float, method: GroundMethod) -> N
 def _tile(
     all_points: FilteredTiles,
     ground_points: FilteredTiles,
-    key: Key,
     ground: _Ground | None,
     method: GroundMethod,
     statistic: Statistic,
     factor: int,
+    key: Key,
 ) -> CloudTile:
     fine = all_points.tile(key)
     points = fine.coarser(factor)

@@ -201,7 +201,7 @@ def test_blocks__leave_no_seams_in_the_ground(clouds: list[Path], monkeypatch: p
     """One block for the whole field, and one for each tile."""
     found = []
     for block_m in (128.0, 1.0):
-        monkeypatch.setattr("furrowmap.core.pointclouds.surfaces.BLOCK_M", block_m)
+        monkeypatch.setattr("furrowmap.core.pointclouds.surfaces.SURFACE_BLOCK_M", block_m)
         opened = open_clouds(clouds)
         with PointSpool(0.05) as points, PointSpool(0.05) as ground:
             spooled = spool_clouds(opened, points, ground)
