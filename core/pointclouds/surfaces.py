@@ -204,7 +204,7 @@ def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | No
     around = math.ceil(2.0 * SMRF.window_m / coarse_m)  # tiles around reach further
     west, south = np.maximum(own_corner - around, corner).tolist()
     east, north = (own_end + around).tolist()
-    lowest = lowest[south - corner[1] : north - corner[1], west - corner[0] : east - corner[0]]
+    lowest = lowest[south - corner[1] : north - corner[1], west - corner[0] : east - corner[0]].copy()
     seen = _ground_seen(lowest, coarse_m, method)
     if not seen.any():
         return None

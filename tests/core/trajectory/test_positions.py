@@ -181,7 +181,7 @@ NO_POSITIONS = "gnss-no-positions"
     [
         ([Fix.FIXED] * 3, 0, None, NO_HEIGHTS, "none of its 3 positions has a height"),
         ([Fix.FIXED] * 3, 1, None, NO_HEIGHTS, "none of its 3 positions has a height"),
-        ([Fix.FIXED, Fix.NONE, Fix.NONE], 3, None, NO_POSITIONS, "1 of its 3 epochs have a position"),
+        ([Fix.FIXED, Fix.NONE, Fix.NONE], 3, None, NO_POSITIONS, "1 of its 3 epochs has a position"),
         ([Fix.FIXED, Fix.NONE, Fix.NONE], 0, None, NO_POSITIONS, "0 of its 3 epochs have a position"),
         ([Fix.FIXED, Fix.SINGLE, Fix.SINGLE], 3, None, NO_POSITIONS, "1 of 3 positions .* (found: 2 single, 1 fixed)"),
         ([Fix.FIXED, Fix.FIXED], 2, (Fix.FLOAT,), NO_POSITIONS, "0 of 2 positions .* (found: 2 fixed)"),
