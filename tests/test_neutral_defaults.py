@@ -47,7 +47,6 @@ FACTORS: Final = {
     "exporters/share/symbols.py LayerStyle.opacity": 1.0,  # what states none is opaque
     "exporters/share/symbols.py Ramp.colour(opacity)": 1.0,
     "core/values/session.py ImuColumn.scale": 1.0,
-    "core/pointclouds/surfaces.py cloud_tiles(factor)": 1,
     "core/values/session.py Imu.rate_scale": 1.0,
     "core/values/session.py Imu.force_scale": 1.0,
     "core/values/inertial.py StatedUnits.rate_scale": 1.0,

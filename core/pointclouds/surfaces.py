@@ -72,29 +72,29 @@ def finer_cells(cell_m: float) -> int:
 def cloud_tiles(
     spooled: SpooledClouds,
     method: GroundMethod,
+    cell_m: float,
     statistic: Statistic = MEDIAN,
     outliers: Outliers = "none",
     progress: Progress = silent,
-    factor: int = 1,
 ) -> Iterator[CloudTile]:
     """The surfaces of spooled clouds, block by block of tiles.
 
     Args:
         method: ground classification: morphological filter, cloth simulation, classes of the files, or none.
+        cell_m: of the surfaces: that of the spools times a power of two, see :func:`finer_cells`.
         statistic: height of a cell of the DSM; that of the DTM is the median.
         outliers: detection method, with points at cell centres; outliers are excluded.
         progress: receives the stage "making surfaces".
-        factor: how many cells of the spool a cell of the surfaces has a side, see :func:`finer_cells`.
 
     Raises:
         InputError: if the method's library is not installed.
     """
     if method == "csf":
         require_cloth()
-    keys = spooled.points.tiles
+    factor = round(cell_m / spooled.points.cell_m)
     across = _across(spooled.points.cell_m)
     blocks: dict[Key, list[Key]] = {}
-    for column, row in keys:
+    for column, row in spooled.points.tiles:
         blocks.setdefault((column // across, row // across), []).append((column, row))
     source = spooled.ground if method == "class" else spooled.points
     lows = _Lows(source, set(source.tiles) if method != "none" else set())

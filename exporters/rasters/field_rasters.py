@@ -167,7 +167,7 @@ def _write_ground(folder: Path, land: FieldPoints, crs: CRS, origin: Origin) -> 
             stack.enter_context(cog_output(folder / name, land.grid, crs, bands, _raster_origin(origin, name)))
             for name, bands in _GROUND.items()
         ]
-        for tile in cloud_tiles(land.spooled, "smrf"):
+        for tile in cloud_tiles(land.spooled, "smrf", land.grid.cell_m):
             assert tile.dtm is not None
             assert tile.above_m is not None
             put[0](tile.grid, surface_arrays(tile.dtm))

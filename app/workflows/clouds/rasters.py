@@ -119,15 +119,14 @@ class CloudRasters:
     def write_surfaces(self, spooled: SpooledClouds, progress: Progress) -> None:
         """Write the surfaces of the points, which are spooled in cells of this size or of a fraction of it."""
         settings = self.settings
-        statistic = settings.cell_statistic
-        factor = round(self.grid.cell_m / spooled.points.cell_m)
+        chosen = settings.cell_statistic, settings.outliers
         with ExitStack() as stack:
             put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), SURFACE_TITLE, SURFACE_BANDS))
             if self.method != "none":
                 put_dtm = stack.enter_context(self._output(_unfilled(DTM, settings), "ground", SURFACE_BANDS))
                 above = Band("height above ground")
                 put_above = stack.enter_context(self._output(HEIGHT_ABOVE_GROUND, "height above ground", [above]))
-            for tile in cloud_tiles(spooled, self.method, statistic, settings.outliers, progress, factor):
+            for tile in cloud_tiles(spooled, self.method, self.grid.cell_m, *chosen, progress):
                 put_dsm(tile.grid, surface_arrays(tile.dsm))
                 if tile.dtm is not None and tile.above_m is not None:
                     put_dtm(tile.grid, surface_arrays(tile.dtm))

@@ -21,6 +21,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
+from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.values.crs import name_of
@@ -94,13 +95,15 @@ def canopy(
     records = [*input_records(opened, progress), *plots]
     with staged_folder(folder) as staging:
         pixel_m = settings.pixel_m or min(cell_for(opened, box, settings.classes, progress), MAX_PIXEL_M)
-        fine_m = pixel_m / finer_cells(pixel_m)
+        factor = finer_cells(pixel_m)
+        fine_m = pixel_m / factor
         with PointSpool(fine_m, folder=staging) as points, PointSpool(fine_m, folder=staging) as ground:
             spooled = spool_clouds(opened, points, ground, box, settings.classes, progress=progress)
             if points.grid is None:
                 raise no_points_error(opened, box)
             method = ground_method(settings.ground, spooled)
-            stands = _write_products(staging, opened, spooled, pixel_m, areas, settings, method, records, progress)
+            grid = points.grid.coarser(factor)
+            stands = _write_products(staging, opened, spooled, grid, areas, settings, method, records, progress)
         if file is not None and not any(stand.returns for stand in stands):
             raise elsewhere_error(file, opened.points, box or (0.0, 0.0, 0.0, 0.0))
         for notice in (notices := [*opened.notices, *far, *spooled.notices]):
@@ -124,7 +127,7 @@ def _write_products(
     folder: Path,
     clouds: Clouds,
     spooled: SpooledClouds,
-    pixel_m: float,
+    grid: Grid,
     areas: Sequence[Parcel],
     settings: CanopySettings,
     method: GroundMethod,
@@ -132,20 +135,17 @@ def _write_products(
     progress: Progress,
 ) -> list[Stand]:
     """Write the canopy height model, the layer and the tables; the stands."""
-    factor = finer_cells(pixel_m)
-    assert spooled.points.grid is not None
-    grid = spooled.points.grid.coarser(factor)
     origin = Origin("canopy height", inputs=[(record.name, record.sha256) for record in records], span_s=spooled.span_s)
     with (
         RecordSpool(_HEIGHT, folder.parent) as heights,
         cog_output(folder / CANOPY_HEIGHT, grid, clouds.crs, [Band("canopy height")], origin) as put,
     ):
         area_at = _area_index(areas, settings.cell_m)
-        for tile in cloud_tiles(spooled, method, HIGHEST, "none", progress, factor):
+        for tile in cloud_tiles(spooled, method, grid.cell_m, HIGHEST, "none", progress):
             if tile.above_m is not None:
                 put(tile.grid, [np.maximum(tile.above_m, 0.0)])
                 _collect(heights, tile, area_at)
-        stands, shapes = _stands(heights, clouds, areas, settings, pixel_m)
+        stands, shapes = _stands(heights, clouds, areas, settings, grid.cell_m)
     write_raster_style(folder / CANOPY_HEIGHT, "height_above_ground.qml")
     layer = canopy_layer(stands, shapes, areas)
     write_styled_layers(folder / CANOPY, [layer], clouds.crs, origin)

@@ -205,7 +205,7 @@ def test_blocks__leave_no_seams_in_the_ground(clouds: list[Path], monkeypatch: p
         opened = open_clouds(clouds)
         with PointSpool(0.05) as points, PointSpool(0.05) as ground:
             spooled = spool_clouds(opened, points, ground)
-            tiles = {(t.grid.west, t.grid.north): t for t in cloud_tiles(spooled, "smrf")}
+            tiles = {(t.grid.west, t.grid.north): t for t in cloud_tiles(spooled, "smrf", 0.05)}
         found.append(tiles)
     whole, parts = found
     assert whole.keys() == parts.keys()
