@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -225,14 +226,14 @@ def test_promise_26__hostile_packets_and_positions_are_recorded_and_end_nothing(
 
 
 def test_no_packets__power_and_cable_are_named_only_where_nothing_arrives(tmp_path: Path) -> None:
-    ports = free_ports()
-    said = dict[str, str]()
-    for name, work in (
-        ("nothing", lambda: time.sleep(3.0)),
-        ("others", lambda: replay((k * 0.1, ports[0], b"of no scanner") for k in range(30))),
-    ):
-        record_while(tmp_path / name, ports, work)
-        said[name] = (tmp_path / name / "record.log").read_text(encoding="utf-8")
+    ports = {"nothing": free_ports(), "others": free_ports()}
+    works: dict[str, Callable[[], object]] = {
+        "nothing": lambda: time.sleep(3.0),
+        "others": lambda: replay((k * 0.1, ports["others"][0], b"of no scanner") for k in range(30)),
+    }
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(lambda name: record_while(tmp_path / name, ports[name], works[name]), works))
+    said = {name: (tmp_path / name / "record.log").read_text(encoding="utf-8") for name in works}
     assert "Check power, cable and network" in said["nothing"]
     assert "Check power, cable and network" not in said["others"]
     assert "record-unknown-packets" in said["others"]
@@ -244,7 +245,7 @@ def test_told__terminal_that_is_gone_does_not_end_the_recording(tmp_path: Path) 
     def told(_: object) -> None:
         raise BrokenPipeError
 
-    found = furrowmap.record(tmp_path / "rec", gnss=[], ports=[[ports[0]]], told=told, duration_s=3.0)
+    found = furrowmap.record(tmp_path / "rec", gnss=[], ports=[[ports[0]]], told=told, duration_s=1.3)
     assert found.is_complete
     assert "screen could not be" in (tmp_path / "rec" / "record.log").read_text(encoding="utf-8")
 
@@ -256,5 +257,5 @@ def test_session__that_hangs_whoever_reads_it_is_left_alone(tmp_path: Path) -> N
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
         port.bind(("", 0))
         free = port.getsockname()[1]
-    found = furrowmap.record(folder, gnss=[], ports=[[free]], duration_s=2.0)
+    found = furrowmap.record(folder, gnss=[], ports=[[free]], duration_s=1.3)
     assert "record-small-file" in {warning["code"] for warning in found.status["warnings"]}

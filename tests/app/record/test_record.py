@@ -47,10 +47,15 @@ def ports() -> tuple[int, int, int]:
 
 
 def recorded(
-    folder: Path, ports: tuple[int, int, int], work: Callable[[], object], gnss: str | None = None, **options: object
+    folder: Path,
+    ports: tuple[int, int, int],
+    work: Callable[[], object],
+    gnss: str | None = None,
+    heard: list[Told] | None = None,
+    **options: object,
 ) -> tuple[furrowmap.Recorded, list[Told]]:
-    """A recording during which `work` is done, and what it reported."""
-    heard: list[Told] = []
+    """A recording during which `work` is done, and what it reported, which goes to `heard` meanwhile."""
+    heard = [] if heard is None else heard
     worker = threading.Thread(target=work)
 
     def told(moment: Told) -> None:
@@ -67,6 +72,13 @@ def recorded(
 
 def codes(heard: list[Told], kind: str = "begun") -> list[str]:
     return [notice.code for told in heard for notice in getattr(told, kind)]
+
+
+def waited_for(holds: Callable[[], bool]) -> None:
+    """Return when something holds, or after half a minute."""
+    until_s = time.monotonic() + 30.0
+    while not holds() and time.monotonic() < until_s:
+        time.sleep(0.05)
 
 
 def new_log(folder: Path, name: str, address: str) -> Series:
@@ -174,14 +186,16 @@ def test_promise_26__full_disk_is_named_and_nothing_is_lost_when_space_returns(
 ) -> None:
     sent = [struct.pack("<I", k) + bytes(1200) for k in range(2000)]
 
+    heard: list[Told] = []
+
     def work() -> None:
         (small_disk / "ballast").write_bytes(bytes(3 << 19))
-        replay((k * 1e-3, ports[0], each) for k, each in enumerate(sent))
-        time.sleep(1.5)
+        replay((k * 5e-4, ports[0], each) for k, each in enumerate(sent))
+        waited_for(lambda: "waiting-for-space" in {told.status.values["state"] for told in heard})
         (small_disk / "ballast").unlink()
-        time.sleep(2.5)
+        waited_for(lambda: "record-disk" in codes(heard, "ended"))
 
-    _, heard = recorded(small_disk / "rec", ports, work, gnss="")
+    recorded(small_disk / "rec", ports, work, gnss="", heard=heard)
     assert payloads(small_disk / "rec", "lidar-127.0.0.1") == sent
     assert "record-disk" in codes(heard)
     assert "record-disk" in codes(heard, "ended")
@@ -231,6 +245,8 @@ def test_promise_26__faults_are_named_within_three_seconds_and_end(
     without_fix = b"".join(_sentence(b"GNGGA,0123%02d.00,,,,,0,00,99.9,,,,,," % k) for k in range(20))
     with_fix = b"".join((loop / "gnss.nmea").read_bytes().splitlines(keepends=True)[:40])
     device = tmp_path / "ttyGNSS"
+    heard: list[Told] = []
+    silent_s: list[float] = []
 
     def work() -> None:
         scanner = threading.Thread(target=lambda: replay(iter(sent)))
@@ -245,9 +261,12 @@ def test_promise_26__faults_are_named_within_three_seconds_and_end(
             os.close(controller)
             device.unlink()
         scanner.join()
-        time.sleep(3.5)
+        silent_s.append(time.monotonic())
+        waited_for(lambda: "record-silent" in codes(heard))
+        silent_s.append(time.monotonic())
 
-    _, heard = recorded(tmp_path / "rec", ports, work, gnss=str(device))
+    recorded(tmp_path / "rec", ports, work, gnss=str(device), heard=heard)
+    assert silent_s[1] - silent_s[0] < 3.5
     begun, ended = codes(heard), codes(heard, "ended")
     assert {"record-gnss-fault", "record-no-fix", "record-clock", "record-lost", "record-silent"} <= {*begun}
     assert {"record-gnss-fault", "record-no-fix", "record-clock"} <= {*ended}

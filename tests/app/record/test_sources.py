@@ -122,7 +122,7 @@ def test_promise_26__positions_of_several_senders_are_not_mixed(host: str, tmp_p
             replay(iter([(0.0, port, sentence(second))]), source="127.0.0.2")
             if second > 20:
                 replay(iter([(0.0, port, sentence(second, "00100.0000"))]), source="127.0.0.3")
-            time.sleep(0.1)
+            time.sleep(0.05)
 
     worker = threading.Thread(target=work)
 
@@ -151,7 +151,7 @@ def test_server__that_floods_is_read_no_faster_than_a_receiver_sends(tmp_path: P
             f"tcp://127.0.0.1:{server.getsockname()[1]}", storage, lambda _: Series(tmp_path, "gnss", ".log")
         )
         connection, _ = server.accept()
-        ends_s = time.monotonic() + 3.0
+        ends_s = time.monotonic() + 1.5
         connection.settimeout(0.1)
 
         def flood() -> None:
@@ -172,4 +172,4 @@ def test_server__that_floods_is_read_no_faster_than_a_receiver_sends(tmp_path: P
     storage.drain()
     storage.close()
     size = (tmp_path / "gnss-0001.log").stat().st_size
-    assert 1 << 20 < size < 10 << 20, "4 s at once, and a megabyte a second"
+    assert 1 << 20 < size < 8 << 20, "4 s at once, and a megabyte a second"
