@@ -85,8 +85,8 @@ def test_cloud__has_the_points_of_both_on_the_same_ground(result: furrowmap.Resu
     told = result.report["figures"]["scanners"]
     assert [one["name"] for one in told] == ["rear", "front"]
     assert [one["points"] for one in told] == [int((scanner == k).sum()) for k in (0, 1)]
-    cells = np.floor(np.column_stack([cloud.x, cloud.y]) / 0.25).astype(int)
-    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    column, row = np.floor(np.array([cloud.x, cloud.y]) / 0.25).astype(int)
+    cell = (row - row.min()) * (np.ptp(column) + 1) + column - column.min()
     chosen = [ground & (scanner == k) for k in (0, 1)]
     size, height = int(cell.max()) + 1, np.asarray(cloud.z)
     count = np.array([np.bincount(cell[one], minlength=size) for one in chosen])

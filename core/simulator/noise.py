@@ -1,11 +1,11 @@
 """Random sequences that several parts of the simulation need."""
 
 import zlib
+from itertools import accumulate
 from typing import TypeAlias
 
 import numpy as np
 import scipy.fft
-import scipy.signal
 from numpy.typing import NDArray
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -32,5 +32,5 @@ def gauss_markov(rng: np.random.Generator, n: int, step_s: float, sigma: float, 
     drive = rng.standard_normal(n) * sigma * np.sqrt(1.0 - keep * keep)
     if n:
         drive[0] = rng.standard_normal() * sigma
-    process: FloatArray = np.asarray(scipy.signal.lfilter([1.0], [1.0, -keep], drive), np.float64)
-    return process
+    # By hand: importing scipy.signal would take longer than a whole simulation of a short drive.
+    return np.fromiter(accumulate(drive.tolist(), lambda before, new: keep * before + new), np.float64, n)

@@ -226,11 +226,15 @@ def make_crop(scenario: Scenario, flight: Flight, ground: Ground) -> tuple[Float
     for number, (e0, n0, direction, length, width, height) in enumerate(flight.plots_m, 1):
         c = math.cos(math.radians(direction))
         s = math.sin(math.radians(direction))
-        along = c * (e[None, :] - e0) + s * (n[:, None] - n0)
-        across = c * (n[:, None] - n0) - s * (e[None, :] - e0)
+        reach_m = 0.5 * math.hypot(length, width) + CROP_CELL_M
+        cols = slice(*np.searchsorted(e, (e0 - reach_m, e0 + reach_m)))
+        rows = slice(*np.searchsorted(n, (n0 - reach_m, n0 + reach_m)))
+        along = c * (e[None, cols] - e0) + s * (n[rows, None] - n0)
+        across = c * (n[rows, None] - n0) - s * (e[None, cols] - e0)
         inside = (np.abs(along) <= 0.5 * length) & (np.abs(across) <= 0.5 * width)
-        crop[inside] = np.where(gap[inside], 0.0, np.maximum(height + plants[inside], 0.0))
-        plot[inside] = number
+        grown = np.where(gap[rows, cols], 0.0, np.maximum(height + plants[rows, cols], 0.0))
+        crop[rows, cols][inside] = grown[inside]
+        plot[rows, cols][inside] = number
     return crop, plot
 
 

@@ -81,11 +81,13 @@ class SeenAfter:
     def add(self, cell: NDArray[np.int32], t_s: FloatArray) -> None:
         """Take note of returns from cells of the ground (row * cols + col, -1 elsewhere) at their times."""
         on = cell >= 0
-        row, col = np.divmod(cell[on], self._ground.before.shape[1])
+        cell = cell[on]
+        cell = cell[t_s[on] >= self._ground.last_s.ravel()[cell]]
+        row, col = np.divmod(cell, self._ground.before.shape[1])
         row_ = row // 2
         col_ = col // 2
-        final = (t_s[on] >= self._ground.last_s[row, col]) & (row_ < self._rows) & (col_ < self._cols)
-        self.counts += np.bincount(row_[final] * self._cols + col_[final], minlength=len(self.counts))
+        inside = (row_ < self._rows) & (col_ < self._cols)
+        np.add.at(self.counts, row_[inside] * self._cols + col_[inside], 1)
 
     @property
     def image(self) -> NDArray[np.uint8]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField
+from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField, load_scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import Located, locate
@@ -45,10 +45,9 @@ class Recording:
 
 
 @pytest.fixture(scope="session")
-def straight(tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    folder: Path = tmp_path_factory.mktemp("matching") / "straight"
-    made = simulate(STRAIGHT, folder)
-    opened = open_session(made.session)
+def straight(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Recording:
+    folder = made_once("straight", lambda folder: simulate(STRAIGHT, folder / "drive")) / "drive"
+    opened = open_session(folder / "session.toml")
     session, frame = opened.session, opened.frame
     located = locate(opened.positions(), session, frame)
     poses = open_recording([folder / "truth" / "trajectory.csv"], ReadOptions())
@@ -56,4 +55,4 @@ def straight(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     with np.load(folder / "truth" / "surface.npz") as stored:
         surface = {name: stored[name] for name in stored.files}
     truth = trajectory_from_poses(poses.poses(), frame)
-    return Recording(session, located, opened, truth, made.scenario, surface)
+    return Recording(session, located, opened, truth, load_scenario(folder / "scenario.toml"), surface)

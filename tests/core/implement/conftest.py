@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TypeAlias
 
 import numpy as np
@@ -181,10 +182,11 @@ def _nearest(origin: FloatArray, way: FloatArray, boxes: Sequence[Box]) -> Float
     """Distance along each ray to the first of some boxes; inf where it meets none (the slab method)."""
     best = np.full(len(way), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
-        per_metre = 1.0 / way
+        # A row for each axis: NumPy takes long over the least of three numbers that lie side by side.
+        begin, per_metre = np.ascontiguousarray(origin.T), 1.0 / np.ascontiguousarray(way.T)
         for box in boxes:
-            a, b = (np.array(box[::2]) - origin) * per_metre, (np.array(box[1::2]) - origin) * per_metre
-            enter, leave = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
+            a, b = ((np.array(side)[:, None] - begin) * per_metre for side in (box[::2], box[1::2]))
+            enter, leave = np.minimum(a, b).max(axis=0), np.maximum(a, b).min(axis=0)
             best = np.where((enter < leave) & (enter > 0), np.minimum(best, enter), best)
     return best
 
@@ -214,6 +216,12 @@ class Seen:
         ]
 
 
+@cache
+def usual_scans() -> list[Scan]:
+    """Of the scene with nothing changed, which several tests look at."""
+    return Scene().scans()
+
+
 Watch: TypeAlias = Callable[..., Seen]
 
 
@@ -228,7 +236,7 @@ def watch() -> Watch:
         **changes: object,
     ) -> Seen:
         truth = replace(Scene(), **changes)  # type: ignore[arg-type]
-        scans = [scan for scan in truth.scans() if kept(scan)]
+        scans = [scan for scan in (usual_scans() if truth == Scene() else truth.scans()) if kept(scan)]
         near = NearScans(truth.mounting)
         for scan in scans:
             near.add(scan)

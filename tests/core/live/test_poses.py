@@ -29,6 +29,8 @@ kind = "{ground}"
 worked = "same"
 [implement]
 shape = "mower"
+[lidar]
+max_range_m = 25.0
 [drive]
 pass_m = [4.0]
 passes = 2

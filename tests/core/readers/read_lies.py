@@ -68,6 +68,8 @@ def read_within(limit: int, way: str, path: Path) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
+    with suppress(FurrowmapError):
+        read_both(Path(__file__))  # as whatever kind: all readers are imported
     for line in sys.stdin:
         limit, way, path = json.loads(line)
         process = os.fork()  # each in a process of its own, with everything imported once

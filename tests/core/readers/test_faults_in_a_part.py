@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
 from furrowmap.core.session.opened import LidarRecording
@@ -34,10 +36,15 @@ PACKETS = 1500
 """Of a made capture: 2 s, which is less than a block that is read at once."""
 
 
+@cache
+def all_turned(mode: int) -> tuple[Frame, ...]:
+    """The frames of a VLP-16 that its recorder got in time."""
+    return tuple(frames(turning(PACKETS, (T0_S % 3600) * 1e6, mode=mode), T0_S))
+
+
 def turned(mode: int = STRONGEST, first: int = 0, count: int = PACKETS) -> list[Frame]:
-    """A part of the frames of a VLP-16 that its recorder got in time."""
-    packets = turning(PACKETS, (T0_S % 3600) * 1e6, mode=mode)
-    return frames(packets, T0_S)[first : first + count]
+    """A part of these frames."""
+    return list(all_turned(mode)[first : first + count])
 
 
 def positions(pps: int = 2, status: str = "A") -> list[Frame]:
@@ -215,14 +222,30 @@ def codes(recording: LidarRecording) -> frozenset[str]:
     return frozenset(notice.code for notice in recording.notices)
 
 
+Whole = Callable[[str], tuple[Path, NDArray[np.float64]]]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
+    """A sample's recording and the times of its returns, read as a whole once."""
+
+    @cache
+    def of(name: str) -> tuple[Path, NDArray[np.float64]]:
+        sample = SAMPLES[name]
+        path = sample.make(tmp_path_factory.mktemp("sample"))
+        recording = recording_of(path, sample.model, (-math.inf, math.inf), None)
+        times_s = np.concatenate([scan.t_s for scan in recording.scans()])
+        assert sample.codes <= codes(recording)
+        return path, times_s
+
+    return of
+
+
 @pytest.mark.parametrize("part", ["whole", "to", "from", "from and to", "preview", "preview to"])
 @pytest.mark.parametrize("name", SAMPLES)
-def test_promise_05__faults_are_said_of_every_part(name: str, part: str, tmp_path: Path) -> None:
+def test_promise_05__faults_are_said_of_every_part(name: str, part: str, whole: Whole) -> None:
     sample = SAMPLES[name]
-    path = sample.make(tmp_path)
-    whole = recording_of(path, sample.model, (-math.inf, math.inf), None)
-    times_s = np.concatenate([scan.t_s for scan in whole.scans()])
-    assert sample.codes <= codes(whole)
+    path, times_s = whole(name)
     first_s, half_s = np.quantile(times_s, [0.3, 0.6])
     span_s = (first_s if "from" in part else -math.inf, half_s if "to" in part else math.inf)
     recording = recording_of(path, sample.model, span_s, 0.25 if "preview" in part else None)

@@ -14,6 +14,8 @@ VLP16, HI_RES, VLP32C, HDL32E = 0x22, 0x24, 0x28, 0x21
 STRONGEST, LAST, DUAL = 0x37, 0x38, 0x39
 PACKET_US = 1327.104
 """Time between the packets of a VLP-16 with one return."""
+RETURN = np.dtype([("distance", "<u2"), ("intensity", "u1")])
+BLOCK = np.dtype([("flag", "S2"), ("azimuth", "<u2"), ("returns", RETURN, 32)])
 Frame = tuple[float, bytes]
 """The recorder's time of a frame, and its bytes."""
 
@@ -32,16 +34,12 @@ def data_packet(
 
     `distance` and `intensity` are in counts, of any shape that fits (12 blocks, 32 slots).
     """
-    distances = np.broadcast_to(distance, (12, 32))
-    intensities = np.broadcast_to(intensity, (12, 32))
-    blocks = b""
-    for i in range(12):
-        turned = (azimuth + step * (i // 2 if mode == DUAL else i)) % 36000
-        blocks += struct.pack("<2sH", b"\xff\xee", turned)
-        blocks += b"".join(
-            struct.pack("<HB", int(d), int(v)) for d, v in zip(distances[i], intensities[i], strict=True)
-        )
-    return blocks + struct.pack("<IBB", round(stamp_us) % 3_600_000_000, mode, product)
+    blocks = np.zeros(12, BLOCK)
+    blocks["flag"] = b"\xff\xee"
+    blocks["azimuth"] = (azimuth + step * (np.arange(12) // (2 if mode == DUAL else 1))) % 36000
+    blocks["returns"]["distance"] = np.broadcast_to(distance, (12, 32))
+    blocks["returns"]["intensity"] = np.broadcast_to(intensity, (12, 32))
+    return blocks.tobytes() + struct.pack("<IBB", round(stamp_us) % 3_600_000_000, mode, product)
 
 
 def turning(
