@@ -18,6 +18,7 @@ import json
 import mmap
 import multiprocessing.context
 import os
+import pickle
 import resource
 import select
 import shutil
@@ -27,10 +28,13 @@ import struct
 import sys
 import tempfile
 import time
+from base64 import b64decode, b64encode
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
+
+from numba.core.dispatcher import Dispatcher
 
 from furrowmap.cli.main import _in_three_lines, command_line
 from furrowmap.core.live.live_session import warm_up
@@ -185,6 +189,26 @@ def fork_workers() -> None:
     contexts["spawn"] = contexts["fork"]
 
 
+def loaded_kernels() -> dict[tuple[str, str], list[Any]]:
+    """The types of arguments with which each kernel is loaded, by its module and name."""
+    modules = [(name, module) for name, module in sys.modules.items() if name.startswith("furrowmap.")]
+    return {
+        (name, key): list(value.overloads)
+        for name, module in modules
+        for key, value in vars(module).items()
+        if isinstance(value, Dispatcher) and value.py_func.__module__ == name
+    }
+
+
+def load_kernels(kernels: dict[tuple[str, str], list[Any]]) -> None:
+    """Load what another process has loaded or compiled, from where numba keeps it."""
+    for (module, name), signatures in kernels.items():
+        kernel = getattr(sys.modules[module], name)
+        for types in signatures:
+            if types not in kernel.overloads:
+                kernel.compile(types)
+
+
 if __name__ == "__main__":
     fork_workers()
     if os.environ.get("KILLS"):
@@ -203,6 +227,7 @@ if __name__ == "__main__":
                 said |= {"operations": mortal(task)} if "deed" in task else command(task)
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
                 said["modules"] = [name for name in sys.modules if name not in known]
+                said["kernels"] = b64encode(pickle.dumps(loaded_kernels())).decode()
             except (FurrowmapError, OSError) as error:
                 said["error"] = [line[:1000] for line in _in_three_lines(error, []).lines]
             except BaseException as error:  # noqa: BLE001
@@ -220,5 +245,7 @@ if __name__ == "__main__":
         for name in answer.pop("modules", ()):  # so that the next process need not import them
             with suppress(Exception):
                 importlib.import_module(name)
+        if kernels := answer.pop("kernels", ""):
+            load_kernels(pickle.loads(b64decode(kernels)))
         sys.stdout.write(json.dumps(answer) + "\n")
         sys.stdout.flush()
