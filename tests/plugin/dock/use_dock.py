@@ -144,7 +144,7 @@ def key_of(layer: Any) -> str:
 
 def reloads() -> Iterator[Any]:
     SEEN["loaded"], SEEN["unloaded"] = [], []
-    for _ in range(20):
+    for _ in range(5):
         assert qgis.utils.unloadPlugin("furrowmap")
         SEEN["unloaded"].append(traces())
         assert qgis.utils.loadPlugin("furrowmap")
