@@ -51,8 +51,7 @@ def list_layers(path: Path) -> list[tuple[str, str | None]]:
 def layer_info(path: Path, layer: str | None = None, *, bounds: bool = False) -> dict[str, Any]:
     """What pyogrio's `read_info` tells of a layer, by default the first; errors as :func:`read_layer_arrays`."""
     with _for_one_driver(path) as named:
-        about: dict[str, Any] = _pyogrio().read_info(named, layer=layer, force_total_bounds=bounds)
-        return about
+        return dict(_pyogrio().read_info(named, layer=layer, force_total_bounds=bounds))
 
 
 def read_layer_arrays(
@@ -73,6 +72,7 @@ def read_layer_arrays(
         if features > size or cells > max(size, MAX_CELLS):
             raise ValueError(f"it states {features:,} features with {len(about['fields'])} fields in {size:,} bytes")
         meta, _, wkb, columns = _pyogrio().raw.read(named, layer=layer, datetime_as_string=times_as_text)
+        meta["layer_metadata"] = about["layer_metadata"]
         if _is_shp(named):
             meta["fields"], columns, meta["notices"] = _in_code_page(path, named, meta["fields"], columns)
         return meta, wkb, columns

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.coverage.field_work import FieldWork
-from furrowmap.core.readers.ogr_layers import layer_info, read_layer_arrays
+from furrowmap.core.readers.ogr_layers import read_layer_arrays
 from furrowmap.core.runtime.languages.texts import LANGUAGES, texts_of
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.trajectory import ScanPoses
@@ -136,7 +136,7 @@ def read_layer(path: Path, name: str) -> Layer:
         raise ValueError(f"layer '{name}' has coordinates that are not finite")
     kind = str(meta["geometry_type"] or "")
     kind = f"2.5D {kind.removesuffix(' Z')}" if kind.endswith(" Z") else kind
-    description = (layer_info(path, name).get("layer_metadata") or {}).get("DESCRIPTION", "")
+    description = (meta["layer_metadata"] or {}).get("DESCRIPTION", "")
     fields = zip(meta["fields"], meta["dtypes"], data, strict=True)
     columns = {str(field): _typed(values, str(dtype)) for field, dtype, values in fields}
     return Layer(name, kind, str(description), shapes, columns)
