@@ -201,6 +201,8 @@ class GeopackageEdit:
         self._stack = stack
         self._changing: Path | None = None
         self._lock: sqlite3.Connection | None = None
+        self._layers: dict[str, str] | None = None
+        """Those of the copy that is changed, once they were asked for: each opening reads the schema."""
 
     def name(self) -> str:
         """Path of the GeoPackage."""
@@ -251,10 +253,13 @@ class GeopackageEdit:
             if has_table(database, layer.name):
                 raise RefusedError("base-clash", path=self._path, layer=layer.name)
             set_value(database, f"{LAYER_SETTING}{layer.name}", layer.kind)
+        self._layers = None
         write_layer(path, layer, crs, indexed=True)
 
     def layers(self) -> dict[str, str]:
         """Geometry type (as OGR calls it, empty for tables) of each layer of furrowmap, by name."""
+        if self._layers is not None:
+            return self._layers
         if not self._current().exists():
             return {}
         with self._open() as database:
@@ -262,7 +267,9 @@ class GeopackageEdit:
                 f"SELECT substr(name, {len(LAYER_SETTING) + 1}), value FROM {SETTINGS} "  # noqa: S608
                 f"JOIN gpkg_contents ON name = '{LAYER_SETTING}' || table_name ORDER BY fid"
             ).fetchall()
-        return dict(rows)
+        layers = dict(rows)
+        self._layers = layers if self._changing is not None else None
+        return layers
 
     def columns(self, layer: str) -> set[str]:
         """Names of the columns of a layer's table."""
