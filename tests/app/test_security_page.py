@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -76,6 +77,7 @@ class Sample:
         statuses: with which it may end.
         given: standard input.
         variables: of its environment.
+        waits: it waits most of its time: the next ones run meanwhile.
     """
 
     words: str
@@ -83,6 +85,7 @@ class Sample:
     statuses: tuple[int, ...] = (0,)
     given: str = ""
     variables: Mapping[str, str] = field(default_factory=dict)
+    waits: bool = False
 
     @property
     def command(self) -> str:
@@ -114,8 +117,9 @@ SAMPLES = (
     Sample(
         "live --json --from drive/session.toml --speed 0 --port {page} --nmea-port {nmea} --mqtt mqtt://127.0.0.1:{broker}",
         LIVE | {"broker": "the broker of `--mqtt`"},
+        waits=True,
     ),
-    Sample("record -o recorded --ports {scanner} --gnss tcp://127.0.0.1:{receiver} --duration 3", RECORD),
+    Sample("record -o recorded --ports {scanner} --gnss tcp://127.0.0.1:{receiver} --duration 3", RECORD, waits=True),
     Sample("batch drive -o results --workers 2", {"uname": "`uname`"}),
     Sample("batch s3://season/in -o s3://season/out --workers 1", STORE, variables=AWS | KEYS),
     Sample(
@@ -128,6 +132,7 @@ SAMPLES = (
         "batch drive -o elsewhere --scheduler tcp://127.0.0.1:{scheduler}",
         {"scheduler": "the scheduler that it is given", "uname": "`uname`"},
         (1,),
+        waits=True,
     ),
     Sample("season results -o season --workers 2", {"uname": "`uname`"}),
     Sample("surface result/cloud.copc.laz -o surfaces --cell 0.5"),
@@ -281,8 +286,8 @@ def servers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Servers]:
 
 
 @pytest.fixture(scope="module")
-def seen(servers: Servers, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[tuple[Sample, Seen]]]:
-    """What was seen of each sample."""
+def seen(servers: Servers, tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Sample, Seen]]:
+    """What was seen of each sample; what is imported is noted of all that run at that time."""
     folder = tmp_path_factory.mktemp("work")
     scratch = tmp_path_factory.mktemp("watched")
     material(folder)
@@ -290,16 +295,23 @@ def seen(servers: Servers, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     hostile_modules(folder, mark)
     texts = {name: str(port) for name, port in servers.ports.items()} | servers.texts
     search = os.pathsep.join((servers.texts["programs"], os.environ["PATH"]))
-    found = []
-    for sample in TAKEN:
+    mark.write_text("")
+
+    def see(sample: Sample, number: int) -> Seen:
         variables = {name: value.format(**texts) for name, value in sample.variables.items()}
         words = [str(FURROWMAP), *(word.format(**texts) for word in sample.words.split())]
         if "s3://" in sample.words and "AWS_ACCESS_KEY_ID" in variables:
             fill_bucket(folder / "drive", variables)
-        mark.write_text("")
-        one = watched(words, folder, scratch, sample.given, {"PATH": search, **variables})
-        found.append((sample, replace(one, imported=mark.read_text())))
-    return found
+        before = len(mark.read_text())
+        own = scratch / str(number)
+        one = watched(words, folder, own, sample.given, {"PATH": search, **variables})
+        return replace(one, imported=mark.read_text()[before:])
+
+    with ThreadPoolExecutor() as pool:
+        found: list[tuple[Sample, Seen | Future[Seen]]] = []
+        for number, sample in enumerate(TAKEN):
+            found.append((sample, pool.submit(see, sample, number) if sample.waits else see(sample, number)))
+        return [(sample, one if isinstance(one, Seen) else one.result()) for sample, one in found]
 
 
 def fill_bucket(drive: Path, variables: Mapping[str, str]) -> None:
