@@ -235,12 +235,12 @@ def _origins_and_arms(
     """(n, 2) where the sensor is at each return (n,), and the way from it to the return, both on the map."""
     k, share, _ = knots.at(t_s)
     # Straight from knot to knot, as complex numbers: easting + i northing.
-    plan = state.xyz_m[:, :2] @ (1.0, 1j)
-    forward = state.rotation[:, :2, 0] @ (1.0, 1j)
+    plan = state.xyz_m[:, 0] + 1j * state.xyz_m[:, 1]
+    forward = state.rotation[:, 0, 0] + 1j * state.rotation[:, 1, 0]
     origin, course = (v[k] + share * (v[k + 1] - v[k]) for v in (plan, forward))
     course /= np.abs(course)
     sensor = complex(sensor_m[0], sensor_m[1])
-    both = origin + sensor * course, (vehicle_m[:, :2] @ (1.0, 1j) - sensor) * course
+    both = origin + sensor * course, (vehicle_m[:, 0] + 1j * vehicle_m[:, 1] - sensor) * course
     return both[0].view(np.float64).reshape(-1, 2), both[1].view(np.float64).reshape(-1, 2)
 
 

@@ -35,6 +35,8 @@ max_range_m = 25.0
 pass_m = [4.0]
 passes = 2
 spacing_m = 1.5
+speed_work_mps = 1.5
+speed_turn_mps = 1.5
 """
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ def samples(folder: str) -> list[Path]:
     return sorted(path for path in paths if path.is_file() or (path / "metadata.yaml").is_file())
 
 
+@cache
 def inspected(path: Path) -> Inspection | InputError:
     try:
         return Recognised.by_content(path).inspect()

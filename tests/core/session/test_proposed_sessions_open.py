@@ -61,11 +61,12 @@ def opens(path: Path, folder: Path) -> bool:
     (folder / "made.nmea").write_bytes(nmea())
     text = proposal.text.replace(f'gnss = ["{FILL_IN}"]', 'gnss = ["made.nmea"]')
     text = text.replace(f'map = "{FILL_IN}"', 'map = "EPSG:32654"')
-    (folder / "made").mkdir(exist_ok=True)
-    (seed, *_) = next(entry for entry in RECORDINGS if entry.name == "capture").seeds(folder / "made")
-    name, content = next(iter(seed.items()))
-    (folder / f"made_{name}").write_bytes(content)
-    text = text.replace(f'lidar = ["{FILL_IN}"]', f'lidar = ["made_{name}"]')
+    if f'lidar = ["{FILL_IN}"]' in text:
+        (folder / "made").mkdir(exist_ok=True)
+        (seed, *_) = next(entry for entry in RECORDINGS if entry.name == "capture").seeds(folder / "made")
+        name, content = next(iter(seed.items()))
+        (folder / f"made_{name}").write_bytes(content)
+        text = text.replace(f'lidar = ["{FILL_IN}"]', f'lidar = ["made_{name}"]')
     session_file = folder / "session.toml"
     session_file.write_text(text, encoding="utf-8")
     near_s = min(recording.first_s for recording in examined)

@@ -43,8 +43,8 @@ def star_of_spikes() -> Rings:
     return [_ring(_round(CORNERS, np.where(np.arange(CORNERS) % 2, 1.0, 0.5) * SIDE_M))]
 
 
-def fine_outline() -> Rings:
-    return [_ring(_round(1_000_000, SIDE_M + np.sin(np.arange(1_000_000) * 2e-4)))]
+def fine_outline(corners: int = 1_000_000 if "KILLS" in os.environ else 300_000) -> Rings:
+    return [_ring(_round(corners, SIDE_M + np.sin(np.linspace(0.0, 200.0, corners))))]
 
 
 def rough_outline() -> Rings:

@@ -18,7 +18,7 @@ from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.areas.repair import repaired, workable
 from furrowmap.core.readers.boundary_file import read_fields
 from furrowmap.core.runtime.errors import InputError
-from tests.core.readers.areas.nasty_polygons import CORNERS, NASTY, SIDE_M, feature, geojson, parcels
+from tests.core.readers.areas.nasty_polygons import CORNERS, NASTY, SIDE_M, feature, fine_outline, geojson, parcels
 
 MAP = CRS.from_epsg(6677)
 MOST_BYTES = 2_000_000_000
@@ -94,7 +94,7 @@ def test_equal_holes__are_one(tmp_path: Path) -> None:
 
 
 def test_an_outline_of_a_million_corners__keeps_its_shape_within_a_millimetre(tmp_path: Path) -> None:
-    rings = NASTY["fine_outline"]()
+    rings = fine_outline(1_000_000)
     (area,) = read_area(geojson([feature(rings)], tmp_path / "fine.geojson"), MAP).polygons
     assert shapely.get_num_coordinates(area) < 20_000
     assert area.area == pytest.approx(shapely.Polygon(rings[0]).area, abs=0.001 * 2.0 * np.pi * SIDE_M)
