@@ -8,6 +8,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from http.client import HTTPConnection
@@ -141,9 +142,8 @@ def test_reader__that_takes_nothing_loses_its_place(monkeypatch: pytest.MonkeyPa
         assert holds(lambda: hub.readers == 0 and len(hub.places) == 0)
 
 
-@pytest.mark.parametrize("ends", ["closed", "half closed", "reset"])
-def test_outlet__connection_that_was_closed_gives_its_place_back(ends: str) -> None:
-    """While nothing is sent to it."""
+def gives_place_back(ends: str) -> bool:
+    """Whether a connection to an outlet that sends nothing gives its place back once it has ended."""
     hub = Hub()
     server = serve_lines("127.0.0.1", 0, hub)
     reader = connected(int(server.server_address[1]), "127.0.0.1")
@@ -155,10 +155,18 @@ def test_outlet__connection_that_was_closed_gives_its_place_back(ends: str) -> N
         reader.close()
     else:
         reader.close()
-    assert holds(lambda: hub.readers == 0 and len(hub.places) == 0, 10.0)
+    is_back = holds(lambda: hub.readers == 0 and len(hub.places) == 0, 10.0)
     reader.close()
     server.shutdown()
     server.server_close()
+    return is_back
+
+
+def test_outlet__connection_that_was_closed_gives_its_place_back() -> None:
+    """All at the same time: an outlet looks each two seconds."""
+    ends = ("closed", "half closed", "reset")
+    with ThreadPoolExecutor() as pool:
+        assert dict(zip(ends, pool.map(gives_place_back, ends), strict=True)) == dict.fromkeys(ends, True)
 
 
 def test_outlet__many_connections_of_an_address_keep_others_in() -> None:
@@ -395,32 +403,34 @@ def test_mqtt__packet_that_states_256_mb_ends_the_connection() -> None:
         outlet.close()
 
 
-@pytest.mark.parametrize(
-    "answer",
-    [
-        b"\x20\x00",
-        b"\x20\x01\0",
-        b"\x30\xff\xff\xff\xff\xff",
-        b"\x30\x02\0\x50",
-        b"HTTP/1.1 400 No\r\n\r\n",
-        b"\xff" * 100,
-    ],
-    ids=repr,
+NO_BROKERS = (
+    b"\x20\x00",
+    b"\x20\x01\0",
+    b"\x30\xff\xff\xff\xff\xff",
+    b"\x30\x02\0\x50",
+    b"HTTP/1.1 400 No\r\n\r\n",
+    b"\xff" * 100,
 )
-def test_mqtt__broker_that_is_none_is_named_and_asked_again(answer: bytes) -> None:
-    connections = 0
+
+
+def told_of_broker(answer: bytes) -> Notice | None:
+    """What an outlet says of a server that answers so, after it was asked twice."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(20.0)
         outlet = MqttOutlet(f"mqtt://127.0.0.1:{server.getsockname()[1]}")
         for _ in range(2):
             broker, _ = server.accept()
             with broker:
-                connections += 1
                 broker.recv(1000)
                 broker.sendall(answer)
                 time.sleep(0.2)
-        assert connections == 2
         fault = outlet.fault
-        assert isinstance(fault, Notice)
-        assert fault.code == "live-mqtt"
         outlet.close()
+        return fault
+
+
+def test_mqtt__broker_that_is_none_is_named_and_asked_again() -> None:
+    """All at the same time: an outlet asks again after a second."""
+    with ThreadPoolExecutor(len(NO_BROKERS)) as pool:
+        faults = dict(zip(NO_BROKERS, pool.map(told_of_broker, NO_BROKERS), strict=True))
+    assert {answer: fault and fault.code for answer, fault in faults.items()} == dict.fromkeys(NO_BROKERS, "live-mqtt")
