@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, Literal
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning as Cleaning
 from furrowmap.core.runtime.errors import InputError, OptionError, UsageError
 from furrowmap.core.runtime.languages.texts import Text
-from furrowmap.core.runtime.options import setting
+from furrowmap.core.runtime.options import OptionSettings, setting
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -58,7 +58,7 @@ _workers = partial(setting, "--workers", "N", minimum=1)
 
 
 @dataclass(frozen=True)
-class SurfaceSettings:
+class SurfaceSettings(OptionSettings):
     """How surfaces of clouds are made.
 
     Attributes:
@@ -98,6 +98,7 @@ class SurfaceSettings:
     within: str | Path | None = _within()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _ = self.cell_statistic
 
     @property
@@ -109,7 +110,7 @@ class SurfaceSettings:
 
 
 @dataclass(frozen=True)
-class CleanSettings:
+class CleanSettings(OptionSettings):
     """How clouds are cleaned.
 
     Attributes:
@@ -128,7 +129,7 @@ class CleanSettings:
 
 
 @dataclass(frozen=True)
-class FeatureSettings:
+class FeatureSettings(OptionSettings):
     """How features of clouds are found.
 
     Attributes:
@@ -151,13 +152,9 @@ class FeatureSettings:
     dst_crs: CRS | str | None = _dst_crs()
     within: str | Path | None = _within()
 
-    def __post_init__(self) -> None:
-        if self.ground not in _GROUND_METHODS:
-            raise ValueError(f"ground by {self.ground!r}")
-
 
 @dataclass(frozen=True)
-class ParcelSettings:
+class ParcelSettings(OptionSettings):
     """How crops are measured by parcel.
 
     Attributes:
@@ -195,6 +192,7 @@ class ParcelSettings:
     day: str | None = setting("--day", "DATE", label="Day of the flight")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         from furrowmap.core.crops.measure import METHODS
         from furrowmap.core.crops.trial_tables import day_of
 
@@ -233,7 +231,7 @@ def soil_file(source: str | Path) -> Path | None:
 
 
 @dataclass(frozen=True)
-class GrowthSettings:
+class GrowthSettings(OptionSettings):
     """How the growth of parcels is measured.
 
     Attributes:
@@ -254,7 +252,7 @@ class GrowthSettings:
 
 
 @dataclass(frozen=True)
-class CanopySettings:
+class CanopySettings(OptionSettings):
     """How a canopy is described.
 
     Attributes:
@@ -287,22 +285,14 @@ class CanopySettings:
     dst_crs: CRS | str | None = _dst_crs()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if (self.cell_m is None) == (self.polygons is None):
             key = "usage.neither" if self.cell_m is None else "usage.both"
             raise UsageError(key, one="--cell", other="--polygons")
-        sizes = {"--pixel": self.pixel_m, "--cell": self.cell_m, "--layer": self.layer_m}
-        for option, size in sizes.items():
-            if size is not None and not size > 0.0:
-                wanted = Text("a size above zero, in metres")
-                raise OptionError(option, size, wanted, "0.5")
-        if not self.ground_m >= 0.0:
-            wanted = Text("zero or more metres")
-            option = "--ground-height"
-            raise OptionError(option, self.ground_m, wanted, "0.2")
 
 
 @dataclass(frozen=True)
-class ResponseSettings:
+class ResponseSettings(OptionSettings):
     """What responds to what.
 
     Attributes:
@@ -337,6 +327,7 @@ class ResponseSettings:
     days: tuple[str, ...] | None = setting("--day", "DATE", multiple=True, label="Days of the flights")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         both = (self.dose_price is None, self.measure_price is None)
         if both[0] != both[1] or (self.price_ratio is not None and not all(both)):
             raise UsageError("usage.response-prices")
@@ -350,7 +341,7 @@ class ResponseSettings:
 
 
 @dataclass(frozen=True)
-class CheckSettings:
+class CheckSettings(OptionSettings):
     """How a product is checked.
 
     Attributes:
@@ -382,7 +373,7 @@ class CheckSettings:
 
 
 @dataclass(frozen=True)
-class EvaluationSettings:
+class EvaluationSettings(OptionSettings):
     """How a log is compared with a reference.
 
     Attributes:
@@ -401,7 +392,7 @@ class EvaluationSettings:
 
 
 @dataclass(frozen=True)
-class SolveSettings:
+class SolveSettings(OptionSettings):
     """How positions are computed.
 
     Attributes:
@@ -420,7 +411,7 @@ class SolveSettings:
 
 
 @dataclass(frozen=True)
-class BatchSettings:
+class BatchSettings(OptionSettings):
     """How a batch is done.
 
     Attributes:
@@ -437,7 +428,7 @@ class BatchSettings:
 
 
 @dataclass(frozen=True)
-class SeasonSettings:
+class SeasonSettings(OptionSettings):
     """Options of a season.
 
     Attributes:
@@ -462,7 +453,7 @@ class SeasonSettings:
 
 
 @dataclass(frozen=True)
-class TieSettings:
+class TieSettings(OptionSettings):
     """How dates are tied.
 
     Attributes:
@@ -478,7 +469,7 @@ class TieSettings:
 
 
 @dataclass(frozen=True)
-class MosaicSettings:
+class MosaicSettings(OptionSettings):
     """Options of a mosaic.
 
     Attributes:
@@ -493,7 +484,7 @@ class MosaicSettings:
 
 
 @dataclass(frozen=True)
-class TrafficSettings:
+class TrafficSettings(OptionSettings):
     """What counts as traffic.
 
     Attributes:

@@ -4,9 +4,10 @@ import math
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray, RecordSpool, Square, square_keys, square_of
 from furrowmap.core.runtime.settings import threads
-from furrowmap.core.surfaces.ground_filter import GroundMethod, Smrf, classify_ground
+from furrowmap.core.surfaces.ground_filter import SMRF, GroundMethod, GroundRaster, ground_of_points
 from furrowmap.core.surfaces.outliers import (
     OUTLIER_REACH_M,
     NeighbourStatistics,
@@ -34,9 +35,12 @@ from furrowmap.core.surfaces.outliers import (
 from furrowmap.core.values.extents import bounds
 from furrowmap.core.values.scan import PointClass
 
-SMRF: Final = Smrf()
+GROUND_WINDOW_M: Final = 256.0
+"""Side of the squares in which the ground is found, with the lowest points around; whole blocks lie in each."""
+LOWS_SIDE_M: Final = 64.0
+"""Side of the squares by which the lowest points are kept."""
 BLOCK_M: Final = 128.0
-"""Side of the largest block, that of :func:`classify_ground`."""
+"""Side of the largest block."""
 SQUARE_M: Final = 16.0
 DENSE_SQUARE_M: Final = 2.0
 """Sides of the squares, the smallest blocks; a driving scanner records ten thousand points per square metre."""
@@ -106,7 +110,8 @@ def clean_points(
     with ExitStack() as stack:
         side_m = square_side_m(clouds)
         spool = stack.enter_context(SquareSpool(SPOOLED_POINT, folder, side_m))
-        lows, few = (stack.enter_context(SquareSpool(SPOOLED_XYZ, folder, side_m)) for _ in range(2))
+        few = stack.enter_context(SquareSpool(SPOOLED_XYZ, folder, side_m))
+        lows = stack.enter_context(SquareSpool(SPOOLED_XYZ, folder, LOWS_SIDE_M))
         for records in points:
             # A voxel belongs to the square of its corner.
             flat = records["xyz_m"][:, :2]
@@ -124,25 +129,28 @@ def clean_points(
             for number, block in enumerate(parts, 1):
                 _measure(spool, few, block, cleaning.outliers, cleaning.voxel_m or 0.0, usual)
                 progress("looking for noise", number / len(parts))
-        if cleaning.ground != "none":
-            _add_lows(spool, parts, usual, lows)
 
-        def cleaned(block: list[Square]) -> RecordArray:
+        def cleaned(ground: GroundRaster | None, block: list[Square]) -> RecordArray:
             records = _with_outliers(spool.read_squares(block), usual)
             records["classification"][records["noise"] & ~np.isin(records["classification"], NOISE_CLASSES)] = (
                 PointClass.NOISE
             )
             if cleaning.ground != "none":
-                _classify_ground(records, block, lows, cleaning.ground)
+                _classify_ground(records, ground)
             kept = ~(records["noise"] & cleaning.drop_noise)
             if cleaning.voxel_m is not None:
                 kept[kept] = _one_a_cube(chosen(records, kept), cleaning.voxel_m)
             return chosen(records, kept)
 
         with ThreadPoolExecutor(threads()) as pool:
-            for number, records in enumerate(in_turn(pool, cleaned, parts, threads()), 1):
-                progress("cleaning clouds", number / len(parts))
-                yield records
+            if cleaning.ground != "none":
+                _add_lows(spool, parts, usual, lows, pool)
+            done = 0
+            for ground, window in _grounds(pool, parts, side_m, lows, cleaning.ground):
+                for records in in_turn(pool, partial(cleaned, ground), window, threads()):
+                    done += 1
+                    progress("cleaning clouds", done / len(parts))
+                    yield records
 
 
 @contextmanager
@@ -158,22 +166,24 @@ def classified_spool(
     Progress is of the stages "reading clouds" and "cleaning clouds". Raises errors as :func:`clean_points`.
     """
     side_m = square_side_m(clouds)
-    with SquareSpool(SPOOLED_POINT, folder, side_m) as spool, SquareSpool(SPOOLED_XYZ, folder, side_m) as lows:
+    with SquareSpool(SPOOLED_POINT, folder, side_m) as spool, SquareSpool(SPOOLED_XYZ, folder, LOWS_SIDE_M) as lows:
         for records in _read_ahead(clouds, cleaning, seen, progress):
             spool.add_at(records["xyz_m"][:, :2], records)
-        method = cleaning.ground
-        if method != "none":
+        if cleaning.ground != "none":
             parts = blocks(spool)
-            _add_lows(spool, parts, NeighbourStatistics(), lows)
 
-            def classify(block: list[Square]) -> None:
+            def classify(ground: GroundRaster | None, block: list[Square]) -> None:
                 records = spool.read_squares(block)
-                _classify_ground(records, block, lows, method)
+                _classify_ground(records, ground)
                 spool.overwrite(spool.keys(block), records)
 
             with ThreadPoolExecutor(threads()) as pool:
-                for number, _ in enumerate(in_turn(pool, classify, parts, threads()), 1):
-                    progress("cleaning clouds", number / len(parts))
+                _add_lows(spool, parts, NeighbourStatistics(), lows, pool)
+                done = 0
+                for ground, window in _grounds(pool, parts, side_m, lows, cleaning.ground):
+                    for _ in in_turn(pool, partial(classify, ground), window, threads()):
+                        done += 1
+                        progress("cleaning clouds", done / len(parts))
         yield spool
 
 
@@ -308,23 +318,22 @@ def _with_outliers(records: RecordArray, usual: NeighbourStatistics) -> RecordAr
     return records
 
 
-def _add_lows(spool: SquareSpool, parts: list[list[Square]], usual: NeighbourStatistics, lows: SquareSpool) -> None:
-    """Store the lowest points of the cells of each square, as surroundings of blocks for the ground filter."""
-    count = spool.counts
+def _add_lows(
+    spool: SquareSpool,
+    parts: list[list[Square]],
+    usual: NeighbourStatistics,
+    lows: SquareSpool,
+    pool: ThreadPoolExecutor,
+) -> None:
+    """Store the lowest points of the cells of each block."""
 
-    def lowest(block: list[Square]) -> list[FloatArray]:
+    def lowest(block: list[Square]) -> FloatArray:
         records = _with_outliers(spool.read_squares(block), usual)
-        bare = ~(records["noise"] | records["machine"])
-        ends = np.cumsum([count[key] for key in spool.keys(block).tolist()])
-        found = []
-        for part in map(slice, [0, *ends[:-1]], ends):
-            xyz: FloatArray = records["xyz_m"][part][bare[part]]
-            found.append(xyz[_lowest(xyz, SMRF.cell_m, *bounds(xyz))] if len(xyz) else xyz)
-        return found
+        xyz: FloatArray = records["xyz_m"][~(records["noise"] | records["machine"])]
+        return xyz[_lowest(xyz, SMRF.cell_m, *bounds(xyz))] if len(xyz) else xyz
 
-    with ThreadPoolExecutor(threads()) as pool:
-        for block, found in zip(parts, in_turn(pool, lowest, parts, threads()), strict=True):
-            lows.add(np.concatenate(found), np.repeat(lows.keys(block), [len(xyz) for xyz in found]))
+    for found in in_turn(pool, lowest, parts, threads()):
+        lows.add_at(found[:, :2], found)
 
 
 @kernel()
@@ -343,13 +352,41 @@ def _lowest(xyz_m, cell_m, low, high):  # type: ignore[no-untyped-def]
     return out[out >= 0]
 
 
-def _classify_ground(records: RecordArray, block: list[Square], lows: SquareSpool, method: GroundMethod) -> None:
+def _grounds(
+    pool: ThreadPoolExecutor,
+    parts: list[list[Square]],
+    side_m: float,
+    lows: SquareSpool,
+    method: GroundMethod | Literal["none"],
+) -> Iterator[tuple[GroundRaster | None, list[list[Square]]]]:
+    """The blocks by window, each with its ground, which is found ahead; all blocks without any for the method none."""
+    if method == "none":
+        yield None, parts
+        return
+    windows: dict[Square, list[list[Square]]] = {}
+    for block in parts:
+        column, row = block[0]
+        windows.setdefault((int(column * side_m // GROUND_WINDOW_M), int(row * side_m // GROUND_WINDOW_M)), []).append(
+            block
+        )
+
+    def ground(window: Square) -> GroundRaster | None:
+        across = round(GROUND_WINDOW_M / LOWS_SIDE_M)
+        first = (window[0] * across, window[1] * across)
+        own = [(first[0] + i, first[1] + j) for i in range(across) for j in range(across)]
+        margin_m = 2.0 * SMRF.window_m
+        xyz = lows.read_squares([*own, *squares_around(own, margin_m, LOWS_SIDE_M)])
+        low = np.array(window) * GROUND_WINDOW_M - margin_m
+        high = low + GROUND_WINDOW_M + 2.0 * margin_m
+        return ground_of_points(xyz[np.all((xyz[:, :2] >= low) & (xyz[:, :2] < high), axis=1)], method)
+
+    yield from zip(in_turn(pool, ground, windows, threads()), windows.values(), strict=True)
+
+
+def _classify_ground(records: RecordArray, ground: GroundRaster | None) -> None:
     can = ~(records["noise"] | records["machine"])
-    own = records["xyz_m"][can]
-    around = lows.read_squares(squares_around(block, 2.0 * SMRF.window_m, lows.side_m))
-    asked = np.arange(len(own) + len(around)) < len(own)
-    ground = classify_ground(np.concatenate([own, around]), method, SMRF, asked)[: len(own)]
-    records["classification"][can] = np.where(ground, PointClass.GROUND, PointClass.OTHER)
+    found = ground.has(records["xyz_m"][can]) if ground is not None else np.zeros(np.count_nonzero(can), bool)
+    records["classification"][can] = np.where(found, PointClass.GROUND, PointClass.OTHER)
 
 
 def _one_a_cube(records: RecordArray, voxel_m: float) -> NDArray[np.bool_]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from furrowmap.core.runtime.options import setting
+from furrowmap.core.runtime.options import OptionSettings, setting
 
 if TYPE_CHECKING:
     from furrowmap.core.readers.las.cloud import Box
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Cleaning:
+class Cleaning(OptionSettings):
     """Cleaning steps, in order.
 
     Attributes:

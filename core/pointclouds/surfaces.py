@@ -8,24 +8,21 @@ then classified by their distance from it.
 import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from threading import Lock
-from typing import Final, Literal
+from typing import Final, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import distance_transform_edt
 
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
-from furrowmap.core.runtime.arrays import Float32Array, FloatArray
+from furrowmap.core.runtime.arrays import BoolArray, Float32Array, FloatArray
 from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
-from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.ground_filter import Smrf, cloth_ground, ground_cells, require_cloth
-from furrowmap.core.surfaces.outliers import FilteredTiles, Outliers, filter_tiles
+from furrowmap.core.surfaces.ground_filter import SMRF, GroundRaster, ground_of_cells, require_cloth
 from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 
@@ -34,10 +31,16 @@ GroundMethod = Literal["smrf", "csf", "class", "none"]
 
 GROUND_CELL_M: Final = 0.5
 SURFACE_BLOCK_M: Final = 256.0
-SMRF: Final = Smrf()
 MAX_GROUND_DISTANCE_M: Final = 10.0
 """Greatest distance from observed ground of a height above ground."""
 _LOWEST: Final = Statistic.parse("min")
+
+
+class TileSource(Protocol):
+    """A spool of points, or one without outliers."""
+
+    def tile(self, key: Key) -> TilePoints:
+        """The points of a tile."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ def cloud_tiles(
     method: GroundMethod,
     cell_m: float,
     statistic: Statistic = MEDIAN,
-    outliers: Outliers = "none",
+    kept: tuple[TileSource, TileSource] | None = None,
     progress: Progress = silent,
 ) -> Iterator[CloudTile]:
     """The surfaces of spooled clouds, block by block of tiles.
@@ -83,7 +86,7 @@ def cloud_tiles(
         method: ground classification: morphological filter, cloth simulation, classes of the files, or none.
         cell_m: of the surfaces: that of the spools times a power of two, see :func:`finer_cells`.
         statistic: height of a cell of the DSM; that of the DTM is the median.
-        outliers: detection method, with points at cell centres; outliers are excluded.
+        kept: the points and those of the ground without outliers; None for all.
         progress: receives the stage "making surfaces".
 
     Raises:
@@ -97,13 +100,10 @@ def cloud_tiles(
     for column, row in spooled.points.tiles:
         blocks.setdefault((column // across, row // across), []).append((column, row))
     source = spooled.ground if method == "class" else spooled.points
-    lows = _Lows(source, set(source.tiles) if method != "none" else set())
+    lows = _Lows(source, set(source.tiles))
     ordered = [block for _, block in sorted(blocks.items(), key=lambda item: (-item[0][1], item[0][0]))]  # north first
+    points, of_ground = kept or (spooled.points, spooled.ground)
     with ThreadPoolExecutor(threads()) as pool:
-        points, of_ground = (
-            filter_tiles(spool, outliers, pool, lambda share: progress("looking for noise", share))
-            for spool in (spooled.points, spooled.ground)
-        )
         grounds = in_turn(pool, lambda block: _ground(block, lows, method), ordered, threads())
         for number, (block, ground) in enumerate(zip(ordered, grounds, strict=True), start=1):
             made = partial(_tile, points, of_ground, ground, method, statistic, factor)
@@ -114,13 +114,11 @@ def cloud_tiles(
 
 @dataclass(frozen=True)
 class _Ground:
-    """The ground of a block in coarse cells from the CRS origin, row 0 the southernmost."""
+    """The ground of a block in coarse cells."""
 
     cells: int  # fine cells a side of a coarse one
-    corner: Key  # column and row of the first coarse cell
-    height_m: FloatArray  # (rows, columns) with gaps filled
-    limit_m: FloatArray  # greatest distance of ground points
-    far: NDArray[np.bool_]  # cells farther than 10 m from observed ground
+    raster: GroundRaster
+    far: BoolArray  # (rows, columns) cells farther than 10 m from observed ground
 
 
 @dataclass
@@ -186,7 +184,7 @@ def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | No
         for row in range(min(rows) - margin, max(rows) + margin + 1)
         if (column, row) in lows.there
     ]
-    if not near:
+    if method == "none" or not near:
         return None
     n = lows.cells
     parts = [lows.of(key) for key in near]
@@ -205,34 +203,16 @@ def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | No
     west, south = np.maximum(own_corner - around, corner).tolist()
     east, north = (own_end + around).tolist()
     lowest = lowest[south - corner[1] : north - corner[1], west - corner[0] : east - corner[0]].copy()
-    seen = _ground_seen(lowest, coarse_m, method)
-    if not seen.any():
+    raster = ground_of_cells(lowest, (west, south), method, replace(SMRF, cell_m=coarse_m))
+    if raster is None:
         return None
-    height = filled(np.where(seen, lowest, np.nan))
-    slopes = [np.gradient(height, coarse_m, axis=k) if height.shape[k] > 1 else np.zeros(height.shape) for k in (0, 1)]
-    # A slope extends over the width of a coarse cell.
-    limit = SMRF.threshold_m + max(SMRF.scale, coarse_m) * np.hypot(*slopes)
-    far = distance_transform_edt(~seen) * coarse_m > MAX_GROUND_DISTANCE_M
-    return _Ground(n, (west, south), height, limit, np.asarray(far))
-
-
-def _ground_seen(lowest: FloatArray, coarse_m: float, method: GroundMethod) -> NDArray[np.bool_]:
-    """In which coarse cells the lowest height is ground."""
-    seen = np.isfinite(lowest)
-    if method == "class":
-        return seen
-    if method == "smrf":
-        return ground_cells(lowest, Smrf(cell_m=coarse_m))
-    row, column = np.nonzero(seen)
-    ground = np.zeros(lowest.shape, bool)
-    found = cloth_ground(np.column_stack([column * coarse_m, row * coarse_m, lowest[seen]]))
-    ground[row[found], column[found]] = True
-    return ground
+    far = distance_transform_edt(~raster.seen) * coarse_m > MAX_GROUND_DISTANCE_M
+    return _Ground(n, raster, np.asarray(far))
 
 
 def _tile(
-    all_points: FilteredTiles,
-    ground_points: FilteredTiles,
+    all_points: TileSource,
+    ground_points: TileSource,
     ground: _Ground | None,
     method: GroundMethod,
     statistic: Statistic,
@@ -247,24 +227,32 @@ def _tile(
     if ground is None:
         nothing = points.surface(MEDIAN, np.zeros(len(points.cell), bool))
         return CloudTile(points, dsm, nothing, np.full(points.grid.shape, np.nan, np.float32))
-    height, limit, far = _over(fine.grid, 1, ground)
+    height = _over(points.grid, factor, ground, ground.raster.height_m)
     if method == "class":
         dtm = ground_points.tile(key).coarser(factor).surface(MEDIAN)
     else:
-        above = fine.height_m + fine.base_m - height.ravel()[fine.cell]
+        fine_height = height if factor == 1 else _over(fine.grid, 1, ground, ground.raster.height_m)
+        limit = _over(fine.grid, 1, ground, ground.raster.limit_m)
+        above = fine.height_m + fine.base_m - fine_height.ravel()[fine.cell]
         dtm = points.surface(MEDIAN, np.abs(above) <= limit.ravel()[fine.cell])
-    if factor > 1:
-        height, _, far = _over(points.grid, factor, ground)
+    far = _over(points.grid, factor, ground, ground.far) > 0.5
     below = np.where(np.isfinite(dtm.height_m), dtm.height_m, np.where(far, np.nan, height))
     return CloudTile(points, dsm, dtm, (dsm.height_m - below).astype(np.float32))
 
 
-def _over(grid: Grid, factor: int, ground: _Ground) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Height, limit and whether far away, over the cells of a tile, each of so many fine ones a side, north up."""
-    column = (grid.west + 0.5 + np.arange(grid.columns)) * factor / ground.cells - 0.5 - ground.corner[0]
-    row = (grid.north - 0.5 - np.arange(grid.rows)) * factor / ground.cells - 0.5 - ground.corner[1]
-    at = np.meshgrid(row, column, indexing="ij")
-    height = map_coordinates(ground.height_m, at, order=1, mode="nearest")
-    limit = map_coordinates(ground.limit_m, at, order=1, mode="nearest")
-    far = map_coordinates(ground.far, at, order=0, mode="nearest")
-    return height, limit, np.asarray(far, bool)
+def _over(grid: Grid, factor: int, ground: _Ground, values: FloatArray | BoolArray) -> FloatArray:
+    """Values of the coarse cells of the ground over the cells of a tile, each of so many fine ones a side, north up."""
+    column = (grid.west + 0.5 + np.arange(grid.columns)) * factor / ground.cells - 0.5 - ground.raster.corner[0]
+    row = (grid.north - 0.5 - np.arange(grid.rows)) * factor / ground.cells - 0.5 - ground.raster.corner[1]
+    return _along_rows(_along_rows(values, row).T, column).T
+
+
+def _along_rows(values: FloatArray | BoolArray, row: FloatArray) -> FloatArray:
+    """Values (rows, columns) at fractional rows, by linear interpolation; those of the border beyond it."""
+    last = len(values) - 1
+    place = np.clip(row, 0, last)
+    before = np.minimum(place.astype(np.intp), max(last - 1, 0))
+    after = np.minimum(before + 1, last)
+    part = (place - before)[:, None]
+    between: FloatArray = values[before] * (1.0 - part) + values[after] * part
+    return between

@@ -1,7 +1,7 @@
 """Settings that describe themselves as options of a command.
 
-The command line, the parameters in QGIS and the reference are made from the descriptions. Imports nothing but the
-standard library, so that the help of a command takes no time.
+The command line, the parameters in QGIS and the reference are made from the descriptions. Imports nothing that takes
+time, because the help of a command is made from them, too.
 """
 
 import inspect
@@ -9,6 +9,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, Final
+
+from furrowmap.core.runtime.errors import OptionError
+from furrowmap.core.runtime.languages.texts import Text
 
 OPTION_KEY: Final = "option"
 _ATTRIBUTE: Final = re.compile(r"^    (\w+): (.+(?:\n {8}.+)*)", re.MULTILINE)
@@ -61,3 +64,37 @@ def options_of(settings: type) -> dict[str, Option]:
     return {
         name: replace(option, help=" ".join((option.help or texts[name]).split())) for name, option in options.items()
     }
+
+
+@dataclass(frozen=True)
+class OptionSettings:
+    """Base of settings: values keep to the choices and limits of their options, whoever makes them.
+
+    Raises:
+        OptionError: if one does not.
+    """
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            option = each.metadata.get(OPTION_KEY)
+            if option is not None:
+                value = getattr(self, each.name)
+                for one in value if option.multiple and value is not None else [value]:
+                    _expect(option, one)
+
+
+def _expect(option: Option, value: object) -> None:
+    """OptionError for a value that is neither None nor the default and that the option does not take."""
+    if value is None or value == option.default:
+        return
+    choices = tuple(option.choices.values() if isinstance(option.choices, Mapping) else option.choices)
+    if choices and value not in choices:
+        raise OptionError(option.name, value, Text("one of {choices:or}", choices=choices), str(choices[0]))
+    number: Any = value
+    if option.minimum is not None and not number >= option.minimum:
+        raise OptionError(option.name, value, Text("{least:g} or more", least=option.minimum), f"{option.minimum:g}")
+    if option.above is not None and not number > option.above:
+        wanted = Text("more than {least:g}", least=option.above)
+        raise OptionError(option.name, value, wanted, f"{option.above + 1.0:g}")
+    if option.maximum is not None and not number <= option.maximum:
+        raise OptionError(option.name, value, Text("{most:g} or less", most=option.maximum), f"{option.maximum:g}")

@@ -53,7 +53,9 @@ _DENSITY_M: Final = 10.0
 _LEAST_EMPTY: Final = 1e-9
 """Share of empty cells that stands for none."""
 _MAX_ROUGHNESS_CELLS: Final = 20_000
-_SECTORS: Final = 8
+_RAYS_AND_SECTORS: Final = 16
+"""Eight rays along the axes and diagonals, numbered even, and the sectors between them, so that both sides of a
+half-plane hold their border and no direction of the map is preferred."""
 _SUMS: Final = 9
 _RIDGE_M2: Final = 0.01
 """Added to the spread of the points of a plane, which limits the slope of a plane through a row of points."""
@@ -103,15 +105,16 @@ def with_breaklines(lowest_m: FloatArray, ground: BoolArray, cell_m: float) -> B
 
 
 def _disc(radius_m: float, cell_m: float) -> IndexArray:
-    """Steps in rows and columns to the cells around one, and the sector (an eighth of the circle) of each."""
+    """Steps in rows and columns to the cells around one, and the direction of each."""
     reach = int(radius_m / cell_m)
     rows, columns = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
     near = (np.hypot(rows, columns) * cell_m <= radius_m) & ((rows != 0) | (columns != 0))
     rows = rows[near]
     columns = columns[near]
-    # A half turn maps a direction exactly to that of the opposite sector.
-    sector = np.floor((np.arctan2(columns, rows) / np.pi + 1.0) * (_SECTORS // 2) + 1e-9).astype(np.int64) % _SECTORS
-    return np.column_stack([rows, columns, sector]).astype(np.int64)
+    eighths = (np.arctan2(columns, rows) / np.pi + 1.0) * (_RAYS_AND_SECTORS // 4)
+    on_ray = (rows == 0) | (columns == 0) | (np.abs(rows) == np.abs(columns))
+    direction = np.where(on_ray, 2.0 * np.rint(eighths), 2.0 * np.floor(eighths) + 1.0) % _RAYS_AND_SECTORS
+    return np.column_stack([rows, columns, direction]).astype(np.int64)
 
 
 def _roughness_m(lowest_m: FloatArray, ground: BoolArray, disc: IndexArray, cell_m: float) -> float:
@@ -170,7 +173,7 @@ def _plane(m):  # type: ignore[no-untyped-def]
 
 @kernel_part()
 def _gather(lowest_m, ground, i, j, disc, cell_m, sums):  # type: ignore[no-untyped-def]
-    """Sums (8, 9) of the ground around a cell by sector, from its place and height."""
+    """Sums (16, 9) of the ground around a cell by direction, from its place and height."""
     sums[:] = 0.0
     rows, columns = lowest_m.shape
     for k in range(len(disc)):
@@ -198,11 +201,11 @@ def _bounds(sums, half):  # type: ignore[no-untyped-def]
     """Lowest and highest plane of the halves of a neighbourhood above its middle; inf and -inf without any."""
     low = np.inf
     high = -np.inf
-    for first in range(_SECTORS):
+    for first in range(0, _RAYS_AND_SECTORS, 2):
         half[:] = 0.0
-        for k in range(_SECTORS // 2):
+        for k in range(_RAYS_AND_SECTORS // 2 + 1):
             for s in range(_SUMS):
-                half[s] += sums[(first + k) % _SECTORS, s]
+                half[s] += sums[(first + k) % _RAYS_AND_SECTORS, s]
         if half[8] >= MIN_ON_SIDE:
             height = _plane(half)
             low = min(low, height)
@@ -214,14 +217,14 @@ def _bounds(sums, half):  # type: ignore[no-untyped-def]
 def _apart(lowest_m, ground, place, disc, cell_m):  # type: ignore[no-untyped-def]
     """Distance of cells from the plane of the ground around each; nan where that has too few cells."""
     out = np.full(len(place), np.nan)
-    sums = np.empty((_SECTORS, _SUMS))
+    sums = np.empty((_RAYS_AND_SECTORS, _SUMS))
     total = np.empty(_SUMS)
     for k in range(len(place)):
         _gather(lowest_m, ground, place[k] // lowest_m.shape[1], place[k] % lowest_m.shape[1], disc, cell_m, sums)
         for s in range(_SUMS):
             total[s] = 0.0
-            for sector in range(_SECTORS):
-                total[s] += sums[sector, s]
+            for direction in range(_RAYS_AND_SECTORS):
+                total[s] += sums[direction, s]
         if total[8] >= MIN_ON_SIDE:
             out[k] = abs(_plane(total))
     return out
@@ -241,7 +244,7 @@ def _continued(lowest_m, ground, seen, disc, tolerance_m, cell_m):  # type: igno
                 count += 1
     asked = seen.copy()
     joined = np.empty(count, np.int64)
-    sums = np.empty((_SECTORS, _SUMS))
+    sums = np.empty((_RAYS_AND_SECTORS, _SUMS))
     half = np.empty(_SUMS)
     while True:  # each round takes a cell from those that wait
         new = 0
@@ -280,7 +283,7 @@ def _pruned(lowest_m, ground, disc, tolerance_m, cell_m, rounds):  # type: ignor
     out = ground.copy()
     asked = ground.copy()
     left = np.empty(rows * columns, np.int64)
-    sums = np.empty((_SECTORS, _SUMS))
+    sums = np.empty((_RAYS_AND_SECTORS, _SUMS))
     half = np.empty(_SUMS)
     for _ in range(rounds):
         count = 0

@@ -1,4 +1,4 @@
-"""Ground classification of a cloud, square by square: simple morphological filter, or cloth simulation filter."""
+"""The ground of a window of the map: simple morphological filter, or cloth simulation filter."""
 
 import math
 import os
@@ -8,73 +8,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt, grey_opening, map_coordinates
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, grey_opening
 
-from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError, MissingExtraError
+from furrowmap.core.runtime.arrays import BoolArray, FloatArray
+from furrowmap.core.runtime.errors import MissingExtraError
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.surfaces.breaklines import point_spacing_m, with_breaklines
 from furrowmap.core.surfaces.gaps import filled
 
-_SHORT: Final = 1 << 16
-_BESIDE: Final = [(i, j) for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0) if i or j]
-
-
-@dataclass(frozen=True)
-class PointTile:
-    """A square of the map: the indices of its points (m,), and these followed by those in the margin (k,)."""
-
-    own: NDArray[np.intp]
-    members: NDArray[np.intp]
-
-
-def tiles(
-    xyz_m: NDArray[np.float64], tile_m: float, margin_m: float, asked: NDArray[np.bool_] | None = None
-) -> Iterator[PointTile]:
-    """The squares that hold finite points (n, 2 or 3), each with the points in a margin of at most its side.
-
-    With `asked` (n,) only those that hold such a point.
-    """
-    if not 0.0 <= margin_m <= tile_m:
-        raise ValueError(f"a margin of {margin_m} m round squares of {tile_m} m")
-    if not len(xyz_m):
-        return
-    (columns, column), (rows, row) = (_number_values(np.floor(axis / tile_m)) for axis in xyz_m[:, :2].T)
-    key = column * len(rows) + row
-    if len(columns) * len(rows) <= _SHORT:
-        key = key.astype(np.uint16)  # numpy sorts short numbers by their digits, several times as fast
-    order = np.argsort(key, kind="stable")
-    keys, first = np.unique(key[order], return_index=True)
-    squares = [(float(columns[k // len(rows)]), float(rows[k % len(rows)])) for k in keys.tolist()]
-    parts = dict(zip(squares, np.split(order, first[1:]), strict=True))
-    for (x, y), own in parts.items():
-        if asked is not None and not asked[own].any():
-            continue
-        beside = [parts[x + i, y + j] for i, j in _BESIDE if (x + i, y + j) in parts]
-        around = np.concatenate(beside) if beside else np.zeros(0, np.intp)
-        low = np.array([x, y]) * tile_m - margin_m
-        within = np.all((xyz_m[around, :2] >= low) & (xyz_m[around, :2] < low + tile_m + 2.0 * margin_m), axis=1)
-        yield PointTile(own, np.concatenate([own, around[within]]))
-
-
-def _number_values(place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Sorted unique values, and the index (n,) of each value among them."""
-    low = place.min()
-    if place.max() - low < _SHORT:
-        step = (place - low).astype(np.intp)
-        there = np.bincount(step) > 0
-        return np.flatnonzero(there) + low, (np.cumsum(there) - 1)[step]
-    levels, number = np.unique(place, return_inverse=True)
-    return levels, number
-
-
 GroundMethod = Literal["smrf", "csf"]
 
-FILTER_TILE_M: Final = 128.0
 PIT_SLOPE: Final = 5.0
 """A cell below its neighbours by more than this slope is an error (Pingel: 500 %)."""
 PIT_SPACINGS: Final = 3
@@ -118,61 +66,131 @@ class Smrf:
             raise ValueError(f"SMRF needs a cell, a slope and a window above zero: {self}")
 
 
-def classify_ground(
-    xyz_m: ArrayLike, method: GroundMethod = "smrf", smrf: Smrf | None = None, asked: NDArray[np.bool_] | None = None
-) -> NDArray[np.bool_]:
-    """Which points (n,) are ground, computed in overlapping squares of 128 m.
+SMRF: Final = Smrf()
+
+
+@dataclass(frozen=True)
+class GroundRaster:
+    """The ground of a window of the map, in square cells from the origin of the CRS.
+
+    Attributes:
+        cell_m: side of a cell.
+        corner: column and row of the first cell.
+        seen: (rows, columns), southernmost first; the cells in which the ground was found.
+        height_m: (rows, columns) of the ground, gaps filled.
+        limit_m: (rows, columns) greatest distance of ground points from it.
+    """
+
+    cell_m: float
+    corner: tuple[int, int]
+    seen: BoolArray
+    height_m: FloatArray
+    limit_m: FloatArray
+
+    def has(self, xyz_m: FloatArray) -> BoolArray:
+        """Which points (n, 3) are ground, by the heights and limits between the centres of cells."""
+        near: BoolArray = _near(np.ascontiguousarray(xyz_m), self.cell_m, self.corner, self.height_m, self.limit_m)
+        return near
+
+
+def classify_ground(xyz_m: FloatArray, method: GroundMethod = "smrf", smrf: Smrf = SMRF) -> BoolArray:
+    """Which points (n, 3) of a window of the map are ground, all at once; :func:`ground_of_points` says the rest.
+
+    Example:
+        >>> grid = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0)), axis=-1).reshape(-1, 2)
+        >>> bush = np.hypot(*(grid - 9.0).T) < 3.0
+        >>> bool(np.array_equal(classify_ground(np.column_stack([grid, 2.0 * bush])), ~bush))
+        True
+    """
+    ground = ground_of_points(xyz_m, method, smrf)
+    return ground.has(xyz_m) if ground is not None else np.zeros(len(xyz_m), np.bool_)
+
+
+def ground_of_points(xyz_m: FloatArray, method: GroundMethod = "smrf", smrf: Smrf = SMRF) -> GroundRaster | None:
+    """The ground under points (n, 3) of a window of the map; None where there is none.
 
     Args:
-        xyz_m: (n, 3) easting, northing, height; points that are not finite are not ground.
+        xyz_m: easting, northing, height; points that are not finite are not ground. Memory is that of the cells of
+            their bounding box.
         method: "smrf", the simple morphological filter of Pingel et al. (2013); "csf", the cloth simulation filter of
             Zhang et al. (2016), which requires the extra `csf`.
-        asked: (n,) the points to classify, None for all; squares without any are skipped.
+        smrf: its cells serve both methods.
 
     Raises:
-        InputError: if the method is unknown, or its library not installed.
+        InputError: if the library of the method is not installed.
     """
-    if method not in get_args(GroundMethod):
-        raise InputError("bad-ground-method", method=method, groundmethod=", ".join(get_args(GroundMethod)))
-    xyz = np.asarray(xyz_m, np.float64)
-    if xyz.ndim != 2 or xyz.shape[1] != 3:
-        raise ValueError(f"points of shape {xyz.shape}, not (n, 3)")
-    known = np.flatnonzero(np.isfinite(xyz).all(axis=1))
-    ground = np.zeros(len(xyz), bool)
-    filter_ = smrf if smrf is not None else Smrf()
     if method == "csf":
         require_cloth()
-    finite = xyz if len(known) == len(xyz) else xyz[known]
-    wanted = asked[known] if asked is not None else None
-    for tile in tiles(finite, FILTER_TILE_M, min(2.0 * filter_.window_m, FILTER_TILE_M), wanted):
-        part = finite[tile.members]
-        found = smrf_ground(part, filter_) if method == "smrf" else cloth_ground(part)
-        ground[known[tile.own]] = found[: len(tile.own)]
-    return ground
+    known = xyz_m[np.isfinite(xyz_m).all(axis=1)]
+    if not len(known):
+        return None
+    cells = np.floor(known[:, :2] / smrf.cell_m).astype(np.int64)
+    corner = cells.min(axis=0)
+    columns, rows = cells.max(axis=0) - corner + 1
+    lowest_m = _lowest(known[:, 2].copy(), cells - corner, np.full((rows, columns), np.inf))
+    return ground_of_cells(lowest_m, (int(corner[0]), int(corner[1])), method, smrf)
 
 
-def smrf_ground(xyz_m: FloatArray, filter_: Smrf) -> NDArray[np.bool_]:
-    """Which points (n, 3), at least one, of one square are ground."""
-    corner = np.floor(xyz_m[:, :2].min(axis=0) / filter_.cell_m) * filter_.cell_m
-    place = (xyz_m[:, :2] - corner) / filter_.cell_m
-    cell = np.floor(place).astype(np.intp)
-    shape = cell.max(axis=0) + 1
-    lowest = np.full(shape.prod(), np.inf)
-    np.minimum.at(lowest, cell[:, 0] * shape[1] + cell[:, 1], xyz_m[:, 2])
-    lowest = np.where(np.isinf(lowest), np.nan, lowest).reshape(shape)
-    ground = ground_cells(lowest, filter_)
-    if not ground.any():
-        return np.zeros(len(xyz_m), bool)
-    surface = filled(np.where(ground, lowest, np.nan))
-    steps = [np.gradient(surface, filter_.cell_m, axis=k) if surface.shape[k] > 1 else 0.0 * surface for k in (0, 1)]
-    at = place.T - 0.5
-    height = map_coordinates(surface, at, order=1, mode="nearest")
-    slope = map_coordinates(np.hypot(*steps), at, order=1, mode="nearest")
-    near: NDArray[np.bool_] = np.abs(xyz_m[:, 2] - height) <= filter_.threshold_m + filter_.scale * slope
-    return near
+def ground_of_cells(
+    lowest_m: FloatArray, corner: tuple[int, int], method: GroundMethod | Literal["class"], smrf: Smrf
+) -> GroundRaster | None:
+    """The same by the lowest heights (rows, columns) of cells, nan without points; by "class", all of them are ground.
+
+    Raises InputError as :func:`ground_of_points`.
+    """
+    seen = np.isfinite(lowest_m)
+    if method == "smrf":
+        seen = ground_cells(lowest_m, smrf)
+    elif method == "csf":
+        row, column = np.nonzero(seen)
+        found = cloth_ground(np.column_stack([column * smrf.cell_m, row * smrf.cell_m, lowest_m[seen]]))
+        seen[row, column] = found
+    if not seen.any():
+        return None
+    height_m = filled(np.where(seen, lowest_m, np.nan))
+    slopes = [
+        np.gradient(height_m, smrf.cell_m, axis=axis) if height_m.shape[axis] > 1 else np.zeros(height_m.shape)
+        for axis in (0, 1)
+    ]
+    limit_m = smrf.threshold_m + smrf.scale * np.hypot(*slopes)
+    return GroundRaster(smrf.cell_m, corner, seen, height_m, limit_m)
 
 
-def ground_cells(lowest_m: FloatArray, filter_: Smrf) -> NDArray[np.bool_]:
+@kernel()
+def _lowest(height_m, cell, lowest_m):  # type: ignore[no-untyped-def]
+    """Lowest heights (n,) by cell, the columns and rows (n, 2); `lowest_m` is inf, and what stays so becomes nan."""
+    for i in range(len(height_m)):
+        lowest_m[cell[i, 1], cell[i, 0]] = min(lowest_m[cell[i, 1], cell[i, 0]], height_m[i])
+    return np.where(np.isinf(lowest_m), np.nan, lowest_m)
+
+
+@kernel()
+def _near(xyz_m, cell_m, corner, height_m, limit_m):  # type: ignore[no-untyped-def]
+    """Kernel of :meth:`GroundRaster.has`: bilinear between cell centres, constant beyond the outermost."""
+    out = np.zeros(len(xyz_m), np.bool_)
+    rows, columns = height_m.shape
+    for k in range(len(xyz_m)):
+        if not np.isfinite(xyz_m[k, 0] + xyz_m[k, 1] + xyz_m[k, 2]):
+            continue
+        v = min(max(xyz_m[k, 0] / cell_m - corner[0] - 0.5, 0.0), columns - 1.0)
+        u = min(max(xyz_m[k, 1] / cell_m - corner[1] - 0.5, 0.0), rows - 1.0)
+        i = int(u)
+        j = int(v)
+        p = u - i
+        q = v - j
+        below = min(i + 1, rows - 1)
+        right = min(j + 1, columns - 1)
+        height = (1.0 - p) * ((1.0 - q) * height_m[i, j] + q * height_m[i, right]) + p * (
+            (1.0 - q) * height_m[below, j] + q * height_m[below, right]
+        )
+        limit = (1.0 - p) * ((1.0 - q) * limit_m[i, j] + q * limit_m[i, right]) + p * (
+            (1.0 - q) * limit_m[below, j] + q * limit_m[below, right]
+        )
+        out[k] = abs(xyz_m[k, 2] - height) <= limit
+    return out
+
+
+def ground_cells(lowest_m: FloatArray, filter_: Smrf) -> BoolArray:
     """Which cells (rows, columns) are ground by their lowest heights `lowest_m`; False where these are nan."""
     seen = np.isfinite(lowest_m)
     if not seen.any():
@@ -198,7 +216,7 @@ def _reaches(most: int) -> list[int]:
     return reaches
 
 
-def _pits(lowest_m: FloatArray, spacing_m: float, cell_m: float) -> NDArray[np.bool_]:
+def _pits(lowest_m: FloatArray, spacing_m: float, cell_m: float) -> BoolArray:
     """Cells far below all around: single points and clusters up to some spacings of the points wide."""
     upside_down = -from_nearest(lowest_m)
     pits = np.zeros(lowest_m.shape, bool)
@@ -235,7 +253,7 @@ def require_cloth() -> None:
         )
 
 
-def cloth_ground(xyz_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def cloth_ground(xyz_m: NDArray[np.float64]) -> BoolArray:
     """Which points (n, 3), all finite and within 2 km, are ground; none with fewer than 10 points.
 
     By the cloth simulation filter (CSF): W. Zhang, J. Qi, P. Wan, H. Wang, D. Xie, X. Wang, G. Yan (2016), An

@@ -3,11 +3,11 @@
 from dataclasses import MISSING, dataclass
 from typing import Literal
 
-from furrowmap.core.runtime.options import setting
+from furrowmap.core.runtime.options import OptionSettings, setting
 
 
 @dataclass(frozen=True)
-class PlotGrid:
+class PlotGrid(OptionSettings):
     """A grid of plots.
 
     Columns follow each other along the base line, rows beside it. A plot's length is along the base line.

@@ -14,10 +14,13 @@ from click.testing import CliRunner
 from furrowmap import settings
 from furrowmap.cli.command_options import settings_options
 from furrowmap.core.runtime.languages.texts import Text
-from furrowmap.core.runtime.options import options_of
+from furrowmap.core.runtime.options import OptionSettings, options_of
 from furrowmap.core.values.plot_grid import PlotGrid
 
-CLASSES = [one for _, one in inspect.getmembers(settings, is_dataclass) if one is not Text] + [PlotGrid]
+CLASSES = [
+    PlotGrid,
+    *(one for _, one in inspect.getmembers(settings, is_dataclass) if one not in (Text, OptionSettings)),
+]
 
 
 def given(kind: type, *arguments: str) -> Any:

@@ -27,8 +27,8 @@ from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.surfaces.gaps import bridged, filled
-from furrowmap.core.surfaces.ground_filter import Smrf, classify_ground, cloth_ground, ground_cells, tiles
-from furrowmap.core.surfaces.outliers import mean_distance_to, mean_neighbour_distance, radius_outliers
+from furrowmap.core.surfaces.ground_filter import Smrf, classify_ground, cloth_ground, ground_cells
+from furrowmap.core.surfaces.outliers import mean_distance_to, mean_neighbour_distance, radius_outliers, tiles
 from furrowmap.core.trajectory.used_positions import fixes_from_labels
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.crs import datum_shift_m
@@ -100,8 +100,6 @@ def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
         (lambda: mean_neighbour_distance(np.zeros((4, 3)), reach_m=0.0), "neighbours"),
         (lambda: list(tiles(np.zeros((4, 3)), 2.0, 2.5)), "a margin of 2.5 m round squares of 2.0 m"),
         (lambda: list(tiles(np.zeros((4, 3)), 2.0, -0.1)), "a margin"),
-        (lambda: classify_ground(np.zeros((3, 2))), r"points of shape \(3, 2\)"),
-        (lambda: classify_ground(THREE), r"points of shape \(3,\)"),
         (lambda: unpacked(with_head(msgspec.msgpack.Ext(2, b"")), np.ndarray), "unknown code 2"),
         (lambda: velodyne(np.zeros(1206, np.uint8), [0.0]), "must be"),
         (lambda: velodyne([np.zeros(1206, np.uint8)], [0.0, 1.0]), "must be"),
@@ -141,18 +139,6 @@ def test_nothing__gives_nothing() -> None:
     frame = map_frame(Crs(map="EPSG:6677"))
     assert [len(axis) for axis in frame.project(TWO[:0], TWO[:0])] == [0, 0]
     assert classify_ground(np.full((3, 3), np.nan)).tolist() == [False] * 3
-
-
-def test_ground__is_sought_only_in_squares_of_the_points_asked_about() -> None:
-    rng = np.random.default_rng(1)
-    near = np.column_stack([rng.uniform(0.0, 20.0, (2000, 2)), rng.normal(0.0, 0.01, 2000)])
-    far = near + np.array([1000.0, 0.0, 0.0])
-    both = np.concatenate([near, far])
-    asked = np.arange(4000) < 10
-    found = classify_ground(both, asked=asked)
-    assert found[:2000].all()
-    assert not found[2000:].any()
-    assert classify_ground(both).all()
 
 
 def test_packed__numbers_come_back_and_other_types_of_arrays_do_not() -> None:

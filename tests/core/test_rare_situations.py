@@ -43,7 +43,6 @@ from furrowmap.core.runtime.write_errors import writing
 from furrowmap.core.session.session_file import parse_session
 from furrowmap.core.simulator.scenario import demo_scenario, load_scenario
 from furrowmap.core.simulator.simulate import simulate
-from furrowmap.core.surfaces.ground_filter import classify_ground
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import Located
@@ -132,10 +131,6 @@ def test_a_cloud__given_twice_or_cut_while_it_is_read(tmp_path: Path) -> None:
     next(batches)
     os.truncate(path, path.stat().st_size // 2)
     assert code_of(lambda: list(batches)) == "file-changed"
-
-
-def test_ground__by_a_method_that_is_none() -> None:
-    assert code_of(lambda: classify_ground(np.zeros((4, 3)), "best")) == "bad-ground-method"  # type: ignore[arg-type]
 
 
 def test_a_file__that_may_not_be_opened() -> None:

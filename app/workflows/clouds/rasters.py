@@ -20,6 +20,7 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid, Surface
+from furrowmap.core.surfaces.outliers import filter_tiles
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.terrain import (
     PLOT_M,
@@ -119,14 +120,18 @@ class CloudRasters:
     def write_surfaces(self, spooled: SpooledClouds, progress: Progress) -> None:
         """Write the surfaces of the points, which are spooled in cells of this size or of a fraction of it."""
         settings = self.settings
-        chosen = settings.cell_statistic, settings.outliers
+        points, ground = (
+            filter_tiles(spool, settings.outliers, lambda share: progress("looking for noise", share))
+            for spool in (spooled.points, spooled.ground)
+        )
+        made = cloud_tiles(spooled, self.method, self.grid.cell_m, settings.cell_statistic, (points, ground), progress)
         with ExitStack() as stack:
             put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), SURFACE_TITLE, SURFACE_BANDS))
             if self.method != "none":
                 put_dtm = stack.enter_context(self._output(_unfilled(DTM, settings), "ground", SURFACE_BANDS))
                 above = Band("height above ground")
                 put_above = stack.enter_context(self._output(HEIGHT_ABOVE_GROUND, "height above ground", [above]))
-            for tile in cloud_tiles(spooled, self.method, self.grid.cell_m, *chosen, progress):
+            for tile in made:
                 put_dsm(tile.grid, surface_arrays(tile.dsm))
                 if tile.dtm is not None and tile.above_m is not None:
                     put_dtm(tile.grid, surface_arrays(tile.dtm))

@@ -141,7 +141,7 @@ def _write_products(
         cog_output(folder / CANOPY_HEIGHT, grid, clouds.crs, [Band("canopy height")], origin) as put,
     ):
         area_at = _area_index(areas, settings.cell_m)
-        for tile in cloud_tiles(spooled, method, grid.cell_m, HIGHEST, "none", progress):
+        for tile in cloud_tiles(spooled, method, grid.cell_m, HIGHEST, progress=progress):
             if tile.above_m is not None:
                 put(tile.grid, [np.maximum(tile.above_m, 0.0)])
                 _collect(heights, tile, area_at)

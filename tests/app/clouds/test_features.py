@@ -16,7 +16,7 @@ import pytest
 import furrowmap
 from benchmarks.yards import Yard, yard
 from furrowmap.cli.main import command_line
-from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from tests.app.told_progress import Told
 
 EAST, NORTH = -20_000.0, -40_000.0
@@ -127,7 +127,7 @@ def test_refusals(cloud: Path, folder: Path, tmp_path: Path, capsys: pytest.Capt
     (tmp_path / "report.json").write_text("{}")
     with pytest.raises(RefusedError) as of_run:
         furrowmap.features([cloud], tmp_path)
-    with pytest.raises(ValueError, match="ground by 'guess'"):
+    with pytest.raises(UsageError, match="--ground-method 'guess'"):
         furrowmap.FeatureSettings(ground="guess")  # type: ignore[arg-type]
     codes = [error.value.code for error in (missing, empty, unclassified, of_run)]
     assert codes == ["crs-missing", "no-points-left", "no-ground-class", "output-is-run"]

@@ -13,6 +13,7 @@ from furrowmap.core.surfaces.outliers import (
     mean_neighbour_distance,
     radius_outliers,
     thin_points,
+    tiles,
 )
 
 
@@ -84,3 +85,18 @@ def test_few_of_many__do_for_points_that_are_alone() -> None:
     assert (found - exact).max() < 0.5 * 3**0.5
     sparse = xyz[::40]
     assert np.allclose(mean_distance_to(sparse, thin_points(sparse), 5.0), mean_neighbour_distance(sparse))
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.5, 20.0), st.floats(0.0, 1.0))
+def test_tiles__hold_each_point_once_and_all_that_lie_near(seed: int, tile_m: float, share: float) -> None:
+    rng = np.random.default_rng(seed)
+    xyz = rng.normal(0.0, rng.choice([1.0, 30.0, 1e7]), (50, 3))
+    margin_m = share * tile_m
+    seen = []
+    for tile in tiles(xyz, tile_m, margin_m):
+        assert np.array_equal(tile.members[: len(tile.own)], tile.own)
+        seen.extend(tile.own.tolist())
+        for k in tile.own.tolist():
+            near = np.flatnonzero((np.abs(xyz[:, :2] - xyz[k, :2]) < 0.999 * margin_m).all(axis=1))
+            assert set(near.tolist()) <= set(tile.members.tolist())
+    assert sorted(seen) == list(range(len(xyz)))
