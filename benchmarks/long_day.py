@@ -10,13 +10,15 @@ kept, so that eight hours are gigabytes and still show the ground well enough to
     long_day.py FOLDER --runs 50        runs of one turn after another in one process, as a program of the user has them
 
 Each length is a process of its own, whose resident memory is read ten times a second: anonymous memory, which it
-needs, mapped files, which the system takes back at will, and both at one moment, as a monitor shows it.
+needs, mapped files, which the system takes back at will, and both at one moment, as a monitor shows it. Processor time
+and memory grow with the length to the power of the printed exponents.
 """
 
 from __future__ import annotations
 
 import gzip
 import json
+import math
 import multiprocessing
 import os
 import sys
@@ -26,7 +28,7 @@ import tomllib
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 import tomli_w
@@ -50,16 +52,27 @@ def main() -> None:
         repeated(folder, int(sys.argv[3]))
         return
     minutes = [float(word) for word in sys.argv[2:]]
+    before: tuple[float, float, float] | None = None
     print(f"{'minutes':>8} {'stage':24}{'anonymous MB':>14}{'files MB':>10}{'resident MB':>13}{'seconds':>9}")
     for length in minutes:
         with tempfile.TemporaryDirectory(prefix="long-day-") as made:
             session = spliced(folder, Path(made), round(60.0 * length / PERIOD_S))
             with multiprocessing.get_context("spawn").Pool(1) as pool:
-                peaks, timings = pool.apply(measured, (str(session), f"{made}/out"))
+                peaks, timings, processor_s = pool.apply(measured, (str(session), f"{made}/out"))
             for stage, peak in peaks.items():
                 print(f"{length:8g} {stage:24}{peak.figures()}{peak.seconds:9.1f}")
             whole = Peak(*(max(getattr(peak, name) for peak in peaks.values()) for name in vars(Peak())))
-            print(f"{length:8g} {'whole':24}{whole.figures()}   {timings}", flush=True)
+            print(f"{length:8g} {'whole':24}{whole.figures()}   {timings}, processor {processor_s:.1f} s", flush=True)
+            now = (length, processor_s, whole.resident_mb)
+            if before is not None:
+                ratio = math.log(length / before[0])
+                of_time, of_memory = (
+                    math.log(one / other) / ratio for one, other in zip(now[1:], before[1:], strict=True)
+                )
+                print(
+                    f"{before[0]:g} to {length:g} minutes: exponents {of_time:.2f} of time, {of_memory:.2f} of memory"
+                )
+            before = now
 
 
 def repeated(folder: Path, runs: int) -> None:
@@ -113,8 +126,8 @@ class Watch:
             peak.seconds, last = peak.seconds + now - last, now
 
 
-def measured(session: str, out: str) -> tuple[dict[str, Peak], dict[str, float]]:
-    """Peaks of the stages of a run, and its timings."""
+def measured(session: str, out: str) -> tuple[dict[str, Peak], dict[str, float], float]:
+    """Peaks of the stages of a run, its timings, and the processor time of this process."""
     watch = Watch()
     thread = threading.Thread(target=watch.watch)
     thread.start()
@@ -127,7 +140,7 @@ def measured(session: str, out: str) -> tuple[dict[str, Peak], dict[str, float]]
     finally:
         watch.ended.set()
         thread.join()
-    return watch.peaks, json.loads(Path(out, "report.json").read_text())["timings"]
+    return watch.peaks, json.loads(Path(out, "report.json").read_text())["timings"], process_time()
 
 
 def spliced(source: Path, out: Path, turns: int) -> Path:

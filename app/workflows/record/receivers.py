@@ -171,7 +171,7 @@ class GnssReceiver:
             return
         stream.last_s = now_s
         stream.received += len(piece.data)
-        self._storage.put(stream.series, piece.data, now_s)
+        self._storage.put(stream.series, (piece.data, now_s))
         stream.arrived.add(piece.data, time.time())
         self._keep_pace(len(piece.data), now_s)
 

@@ -14,7 +14,7 @@ from typing import Final
 
 from furrowmap.core.runtime.supervised import StopFlag, SupervisedThread
 from furrowmap.exporters.files.atomic import flush_folder
-from furrowmap.workflows.record.series import Block, Series
+from furrowmap.workflows.record.series import Series, Waiting
 from furrowmap.workflows.record.small_files import SmallFiles
 
 SYNC_S: Final = 0.5
@@ -66,15 +66,19 @@ class Storage:
         for thread in self.threads:
             thread.ensure()
 
-    def put(self, series: Series, block: Block, received_s: float) -> None:
-        """Let a block be written whose first byte was received at that time of the monotonic clock."""
+    def put(self, series: Series, waiting: Waiting) -> None:
+        """Let a block be written, once: by a thread that was interrupted here it is put again."""
+        block = waiting[0]
         with self._lock:
+            if waiting is series.last_put:
+                return
+            series.last_put = waiting
             if series.waiting_bytes + len(block) > series.most_waiting_bytes:
                 self._discard(series, len(block))
                 return
             self._series[series] = None
             series.waiting_bytes += len(block)
-            series.blocks.append((block, received_s))
+            series.blocks.append(waiting)
         if self._wake.empty():
             self._wake.put(None)
 

@@ -8,7 +8,7 @@ from enum import IntEnum
 from typing import Final
 
 from furrowmap.core.readers.arrived_packets import ArrivedPackets, Packet, packet_maker
-from furrowmap.workflows.record.series import Series
+from furrowmap.workflows.record.series import Series, Waiting
 
 MAX_SCANNERS: Final = 8
 """Senders of packets of known makers that are recorded, besides the addresses that the machine states."""
@@ -39,6 +39,22 @@ class Rank(IntEnum):
 
 
 @dataclass(eq=False)
+class PacketBlock:
+    """Records of a capture, and the packets in them."""
+
+    records: bytearray = field(default_factory=bytearray)
+    packets: list[Packet] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class HandedBlock:
+    """A block of packets, and what is written of it."""
+
+    block: PacketBlock
+    waiting: Waiting
+
+
+@dataclass(eq=False)
 class Sender:
     """What sends packets from one address: a scanner, or anything else.
 
@@ -49,8 +65,8 @@ class Sender:
         packets: number of its packets.
         last_s: when the last one was taken, by the monotonic clock.
         arrived: what its packets say.
-        block: records of a capture that are not handed on yet.
-        block_packets: the packets in it.
+        filling: takes the packets that arrive.
+        handed: what is handed on to be written, until that is done.
     """
 
     address: str
@@ -61,8 +77,8 @@ class Sender:
     packets: int = 0
     last_s: float = 0.0
     arrived: ArrivedPackets = field(default_factory=ArrivedPackets)
-    block: bytearray = field(default_factory=bytearray, repr=False)
-    block_packets: list[Packet] = field(default_factory=list, repr=False)
+    filling: PacketBlock = field(default_factory=PacketBlock, repr=False)
+    handed: HandedBlock | None = field(default=None, repr=False)
 
 
 class Senders:
@@ -137,7 +153,7 @@ class Senders:
         if len(same) < (MAX_SCANNERS if rank is Rank.SCANNER else MAX_UNKNOWN):
             return True
         key, silent = min(same, key=lambda each: each[1].last_s)
-        if time.monotonic() - silent.last_s < IDLE_S or silent.block:
+        if time.monotonic() - silent.last_s < IDLE_S or silent.filling.records or silent.handed:
             return False
         silent.series.is_over = True
         del self.known[key]

@@ -12,8 +12,7 @@ from typing import Final, TypeAlias
 
 from furrowmap.exporters.files.plain_files import create_new
 
-Block: TypeAlias = bytes | bytearray
-Waiting: TypeAlias = tuple[Block, float]
+Waiting: TypeAlias = tuple[bytes, float]
 """A block, and the time of the monotonic clock at which its first byte was received."""
 
 MAX_TAKEN: Final = 10_000
@@ -49,6 +48,7 @@ class Series:
         written: bytes of all blocks of this recording.
         descriptor: of the open file; None for none.
         blocks: that wait.
+        last_put: the last of all blocks that came here.
         waiting_bytes: of these.
         discarded_bytes: for which there was no memory, or at the end no disk.
         fault: why the disk took nothing; empty if it did.
@@ -66,6 +66,7 @@ class Series:
     files: list[str] = field(default_factory=list)
     descriptor: int | None = None
     blocks: deque[Waiting] = field(default_factory=deque, repr=False)
+    last_put: Waiting | None = field(default=None, repr=False)
     waiting_bytes: int = 0
     discarded_bytes: int = 0
     fault: str = ""

@@ -14,7 +14,7 @@ from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.supervised import SupervisedThread
 from furrowmap.core.simulator.capture import HEADERS, frame_head
 from furrowmap.workflows.record.recording_files import Storage
-from furrowmap.workflows.record.senders import Senders
+from furrowmap.workflows.record.senders import HandedBlock, PacketBlock, Sender, Senders
 
 USUAL_PORTS: Final = (2368, 8308, 10110, 7502, 7503, 56301, 56401, 6699, 7788)
 """Of Velodyne and Hesai (data, positions of each), Ouster and Livox (data, IMU), and RoboSense (data, settings)."""
@@ -127,16 +127,9 @@ class ScannerNetwork:
 
     def _hand_on(self) -> None:
         """Let the packets that were taken be written: first that, then they are looked at."""
-        now_s = time.monotonic()
         for sender in list(self.senders.known.values()):
-            if sender.block:
-                block = bytes(sender.block)
-                packets = sender.block_packets
-                self._storage.put(sender.series, block, now_s)
-                sender.block.clear()
-                sender.block_packets = []
-                sender.last_s = now_s
-                sender.arrived.add(block, packets)
+            while sender.handed is not None or sender.filling.records:
+                _hand_on_block(self._storage, sender)
 
     def _take(self, port: Port) -> None:
         """Take the packets that wait at a port."""
@@ -163,10 +156,24 @@ class ScannerNetwork:
                 sender.ports.add(port.number)
             # The record in one step: an exception between its parts would damage all that follow in the capture.
             record = PCAP_RECORD.pack(*arrived, HEADERS + size, HEADERS + size) + head
-            at = len(sender.block) + len(record)
-            sender.block += record + payload
-            sender.block_packets.append((at, size, arrived[0] * 10**9 + arrived[1]))
+            at = len(sender.filling.records) + len(record)
+            sender.filling.records += record + payload
+            sender.filling.packets.append((at, size, arrived[0] * 10**9 + arrived[1]))
             sender.packets += 1
+
+
+def _hand_on_block(storage: Storage, sender: Sender) -> None:
+    """Let a block be written once, even where this thread is ended at any of these lines and comes here again."""
+    handed = sender.handed
+    if handed is None:
+        handed = HandedBlock(sender.filling, (bytes(sender.filling.records), time.monotonic()))
+        sender.handed = handed
+    if sender.filling is handed.block:
+        sender.filling = PacketBlock()
+    storage.put(sender.series, handed.waiting)
+    sender.last_s = handed.waiting[1]
+    sender.handed = None
+    sender.arrived.add(handed.waiting[0], handed.block.packets)
 
 
 def _arrival(stamps: Sequence[tuple[int, int, bytes]]) -> tuple[int, int]:

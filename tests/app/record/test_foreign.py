@@ -180,9 +180,9 @@ def test_promise_26__flood_of_one_source_takes_no_memory_of_another(tmp_path: Pa
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
     try:
         for _ in range(600):
-            storage.put(flooded, bytes(1 << 16), time.monotonic())
+            storage.put(flooded, (bytes(1 << 16), time.monotonic()))
         for number in range(100):
-            storage.put(scanner, struct.pack("<I", number), time.monotonic())
+            storage.put(scanner, (struct.pack("<I", number), time.monotonic()))
         time.sleep(0.3)
         assert storage.fault
     finally:

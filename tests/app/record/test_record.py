@@ -225,7 +225,7 @@ def test_promise_26__file_that_takes_no_more_is_followed_by_another(tmp_path: Pa
     resource.setrlimit(resource.RLIMIT_FSIZE, (250_000, hard))
     try:
         for k in range(4):
-            storage.put(series, bytes([k]) * 100_000, time.monotonic())
+            storage.put(series, (bytes([k]) * 100_000, time.monotonic()))
         time.sleep(1.5)  # the third block is tried again after a second
         storage.drain()
         storage.close()
