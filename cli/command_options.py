@@ -36,6 +36,17 @@ JSON_HELP: Final = "Print the result as JSON to standard output."
 POSITION_METAVAR: Final = "LAT,LON,HEIGHT"
 
 
+class FiniteRange(click.FloatRange):
+    """A finite number within limits, if there are any: nan compares as within all of them."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number that a text is."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
 @dataclass(frozen=True)
 class NumberList:
     """What a list of numbers separated by commas may be; `count` is None for any number of them."""
@@ -321,11 +332,11 @@ def _click_option(
 def _type(option: Option) -> Any:
     kind = click.Choice(list(option.choices)) if option.choices else VALUE_TYPES.get(option.metavar, str)
     least = option.minimum if option.above is None else option.above
-    if least is None and option.maximum is None:
-        return kind
-    if kind is int:
-        return click.IntRange(int(least) if least is not None else None)
-    return click.FloatRange(least, option.maximum, min_open=option.above is not None)
+    if kind is float:
+        return FiniteRange(least, option.maximum, min_open=option.above is not None)
+    if kind is int and least is not None:
+        return click.IntRange(int(least))
+    return kind
 
 
 def value_of(option: Option, value: Any) -> Any:

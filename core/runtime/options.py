@@ -5,6 +5,7 @@ time, because the help of a command is made from them, too.
 """
 
 import inspect
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
@@ -91,6 +92,8 @@ def _expect(option: Option, value: object) -> None:
     if choices and value not in choices:
         raise OptionError(option.name, value, Text("one of {choices:or}", choices=choices), str(choices[0]))
     number: Any = value
+    if isinstance(value, float) and not math.isfinite(value):
+        raise OptionError(option.name, value, Text("a finite number"), f"{option.maximum or option.minimum or 1.0:g}")
     if option.minimum is not None and not number >= option.minimum:
         raise OptionError(option.name, value, Text("{least:g} or more", least=option.minimum), f"{option.minimum:g}")
     if option.above is not None and not number > option.above:

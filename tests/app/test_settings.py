@@ -41,8 +41,9 @@ def wrong_values(option: Option) -> Iterator[object]:
         yield option.above
     if option.maximum is not None:
         yield option.maximum + 1
-    if (option.minimum, option.above, option.maximum) != (None, None, None):
+    if option.metavar in ("METRES", "M", "SECONDS", "DEGREES", "PRICE", "RATIO"):
         yield math.nan
+        yield math.inf
 
 
 CASES = [

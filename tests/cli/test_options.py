@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import inspect
+from collections.abc import Iterator
 from dataclasses import is_dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from click.testing import CliRunner
 
 from furrowmap import settings
 from furrowmap.cli.command_options import settings_options
+from furrowmap.cli.main import furrowmap as furrowmap_command
 from furrowmap.core.runtime.languages.texts import Text
 from furrowmap.core.runtime.options import OptionSettings, options_of
 from furrowmap.core.values.plot_grid import PlotGrid
@@ -63,3 +65,23 @@ def test_options__set_their_fields() -> None:
     )
     grid = given(PlotGrid, "--rows", "2", "--columns", "3", "--width", "1.5", "--blocks", "rows")
     assert grid == PlotGrid(2, 3, None, 1.5, serpentine=True, block="rows")
+
+
+def every_command(command: click.Command) -> Iterator[click.Command]:
+    yield command
+    if isinstance(command, click.Group):
+        context = click.Context(command)
+        for name in command.list_commands(context):
+            found = command.get_command(context, name)
+            assert found is not None
+            yield from every_command(found)
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf"])
+def test_numbers__that_are_not_finite_are_refused_by_every_option(text: str) -> None:
+    options = [one for command in every_command(furrowmap_command) for one in command.params]
+    of_numbers = [one for one in options if isinstance(one.type, (click.FloatRange, click.types.FloatParamType))]
+    assert len(of_numbers) > 30
+    for one in of_numbers:
+        with pytest.raises(click.BadParameter):
+            one.type.convert(text, one, None)
