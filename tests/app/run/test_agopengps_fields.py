@@ -82,7 +82,7 @@ def test_sample__a_batch_finds_the_field_of_a_pass_two_metres_inside(
 ) -> None:
     session(shared_data, FOLDERS[1], tmp_path / "sessions" / "s", east_m, south_m)
     boundary = shared_data / "foreign" / FOLDERS[1] / north
-    typed = ["batch", tmp_path / "sessions", "-o", tmp_path / "out", "--boundaries", boundary]
+    typed = ["batch", tmp_path / "sessions", "-o", tmp_path / "out", "--boundaries", boundary, "--workers", 1]
     assert command_line([str(word) for word in typed]) == 0
     found = report(next((tmp_path / "out").rglob("report.json")))
     area_m2 = value_of(found, "field_area_ellipsoid_m2")
