@@ -129,7 +129,8 @@ def ground_plane(places_m: FloatArray, mounting: Mounting) -> GroundPlane | None
     normals = normals * -np.sign(away_m)[:, None]
     away_m = -np.abs(away_m)
     up = mounting.rotation[2]
-    count = (np.abs(places_m @ normals.T - away_m) < ON_GROUND_PLANE_M).sum(axis=0)
+    each = zip(normals, away_m, strict=True)  # plane by plane, in the processor's cache
+    count = np.array([np.count_nonzero(np.abs(places_m @ one - off) < ON_GROUND_PLANE_M) for one, off in each])
     count[normals @ up < np.cos(np.pi / 4.0)] = 0
     if not count.any():
         return None

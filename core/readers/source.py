@@ -33,6 +33,7 @@ _LEAST_TEXT: Final = 8
 _PLAIN_SHARE: Final = 0.9
 _PLAIN_SHARE_BEHIND_MARK: Final = 0.2
 """Of ASCII in text that begins with a byte order mark: a table of Japanese names has separators and digits."""
+_CONTROLS: Final = bytes(k for k in range(128) if not (chr(k).isprintable() or chr(k).isspace()))
 _RAW_BYTES: Final = 1 << 18
 _PIECE_BYTES: Final = 1 << 20
 
@@ -203,12 +204,12 @@ def utf16_encoding(head: bytes) -> str:
 
     Its share of ASCII tells it from binary data that begins with the same two bytes.
     """
-    head = head[: _TEXT_LOOKED_AT // 2 * 2]
+    head = head[: min(len(head), _TEXT_LOOKED_AT) // 2 * 2]
     marked = _UTF16.get(head[:2], "")
     least = _PLAIN_SHARE_BEHIND_MARK if marked else _PLAIN_SHARE
     for encoding in [marked] if marked else _UTF16.values():
-        text = head[: len(head) // 2 * 2].decode(encoding, "replace").removeprefix("\ufeff")
-        plain = sum(character.isascii() and (character.isprintable() or character.isspace()) for character in text)
+        text = head.decode(encoding, "replace").removeprefix("\ufeff")
+        plain = len(text.encode("ascii", "ignore").translate(None, _CONTROLS))
         if len(text) >= _LEAST_TEXT and plain > least * len(text) and "\ufffd" not in text[:-1]:
             return encoding
     return ""

@@ -164,7 +164,7 @@ def scan_bytes(
     kind = np.empty(room, np.int8)
     talker = np.empty((room, 2), np.uint8)
     at = np.empty(room, np.int64)
-    values = np.full((room, COLUMNS), np.nan)
+    values = np.empty((room, COLUMNS))
     address = np.zeros((room, 8), np.uint8)
     sums = np.zeros(4, np.int64)
     rows, sentences, used = _scan(
@@ -318,8 +318,7 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
         at[k] = i
         for column in range(values.shape[1]):
             field = _NUMBERS[kind[k], column]
-            if field >= 0:
-                values[k, column] = _number(data, begin[field], begin[field + 1] - 1)
+            values[k, column] = _number(data, begin[field], begin[field + 1] - 1) if field >= 0 else np.nan
     out = values[row]
     if known != _VTG and known != _HDT:
         out[0] = _time_of_day(data, begin, 0)

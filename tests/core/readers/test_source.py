@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import lzma
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,13 @@ def checked_zstd(content: bytes) -> bytes:
     return zstd.compress(content, options={zstd.CompressionParameter.checksum_flag: 1})
 
 
-PACK = {"plain": bytes, "gzip": gzip.compress, "xz": lzma.compress, "zstd": checked_zstd}
+@cache
+def xz(content: bytes) -> bytes:
+    """As most tests want the same content, which takes a third of a second."""
+    return lzma.compress(content)
+
+
+PACK = {"plain": bytes, "gzip": gzip.compress, "xz": xz, "zstd": checked_zstd}
 CONTENT = np.random.default_rng(1).integers(0, 64, 3_000_000, np.uint8).tobytes()
 
 

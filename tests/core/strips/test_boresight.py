@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ def ground(x: FloatArray, y: FloatArray) -> FloatArray:
     return 0.15 * np.sin(x / 1.1 + 0.4 * y) + 0.1 * np.sin(y / 0.8 - 0.3 * x) + 0.15 * np.cos(0.6 * (x + y))
 
 
+@cache
 def flown() -> Trajectory:
     """Lines east, west, north and south over one another, each turned about on the spot, in gusts."""
     t = np.arange(0.0, 4 * LINE_S, 0.005)
@@ -45,6 +47,33 @@ def flown() -> Trajectory:
     return made
 
 
+def measured(mounting: Mounting, seed: int, returns: int, trajectory: Trajectory) -> tuple[FloatArray, ...]:
+    """Times, lasers and places in the scanner's frame."""
+    random = np.random.default_rng(seed)
+    t = np.sort(random.uniform(T0 + 0.05, T0 + 4 * LINE_S - 0.05, returns))
+    laser = random.integers(0, 16, returns)
+    below = -mounting.rotation[2]
+    up = np.radians(2.0 * laser - 15.0)
+    around = np.arctan2(-below[1], below[0]) + np.radians(random.uniform(-45.0, 45.0, returns))
+    beam = np.column_stack([np.cos(up) * np.cos(around), -np.cos(up) * np.sin(around), np.sin(up)])
+    poses = trajectory.at(t)
+    turned = Rotation.from_quat(poses.quaternion, scalar_first=True)
+    place = poses.xyz_m + turned.apply(mounting.xyz_m)
+    way = turned.apply(beam @ mounting.rotation.T)
+    reach = -place[:, 2] / way[:, 2]
+    for _ in range(20):
+        at = place + reach[:, None] * way
+        reach = reach + 0.7 * (ground(at[:, 0], at[:, 1]) - at[:, 2]) / way[:, 2]
+    xyz = beam * (reach + random.normal(0.0, 0.01, len(reach)))[:, None]
+    return t, laser, xyz
+
+
+@cache
+def measured_when_flown(mounting: Mounting, seed: int, returns: int) -> tuple[FloatArray, ...]:
+    """The same on the flight of most tests."""
+    return measured(mounting, seed, returns, flown())
+
+
 @dataclass(frozen=True)
 class Scene:
     """What is true: the mounting, and how far the scanner's clock is behind."""
@@ -55,22 +84,10 @@ class Scene:
 
     def scans(self, trajectory: Trajectory, returns: int = 300_000) -> Iterator[Scan]:
         """Scans of a tenth of a second, with 10 mm of range noise."""
-        random = np.random.default_rng(self.seed)
-        t = np.sort(random.uniform(T0 + 0.05, T0 + 4 * LINE_S - 0.05, returns))
-        laser = random.integers(0, 16, returns)
-        below = -self.mounting.rotation[2]
-        up = np.radians(2.0 * laser - 15.0)
-        around = np.arctan2(-below[1], below[0]) + np.radians(random.uniform(-45.0, 45.0, returns))
-        beam = np.column_stack([np.cos(up) * np.cos(around), -np.cos(up) * np.sin(around), np.sin(up)])
-        poses = trajectory.at(t)
-        turned = Rotation.from_quat(poses.quaternion, scalar_first=True)
-        place = poses.xyz_m + turned.apply(self.mounting.xyz_m)
-        way = turned.apply(beam @ self.mounting.rotation.T)
-        reach = -place[:, 2] / way[:, 2]
-        for _ in range(20):
-            at = place + reach[:, None] * way
-            reach = reach + 0.7 * (ground(at[:, 0], at[:, 1]) - at[:, 2]) / way[:, 2]
-        xyz = beam * (reach + random.normal(0.0, 0.01, len(reach)))[:, None]
+        if trajectory is flown():
+            t, laser, xyz = measured_when_flown(self.mounting, self.seed, returns)
+        else:
+            t, laser, xyz = measured(self.mounting, self.seed, returns, trajectory)
         for number, part in enumerate(np.array_split(np.arange(len(t)), 400)):
             one = np.ones(len(part), np.uint8)
             stamped = t[part] - self.behind_s
