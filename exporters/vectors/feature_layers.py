@@ -11,7 +11,6 @@ from pyproj import CRS
 from furrowmap.core.features.objects import LineObject, PlanePiece, Plants
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.vector_layers import unflushed
 from furrowmap.exporters.vectors.field_layers import Layer, geometry_array, numbers, texts
 from furrowmap.exporters.vectors.geopackage import write_styled_layers
 
@@ -67,5 +66,5 @@ def feature_layers(planes: Sequence[PlanePiece], lines: Sequence[LineObject], pl
 
 def write_features(path: Path, layers: Sequence[Layer], crs: CRS | str, origin: Origin) -> None:
     """Write `features.gpkg` with its layers and their styles."""
-    with atomic_output(path) as unfinished, unflushed():
+    with atomic_output(path) as unfinished:
         write_styled_layers(unfinished, layers, crs, origin)

@@ -62,7 +62,7 @@ def write_field(
         replace(layer, description=f"{_named(layer, language)}. {words}" if words else _named(layer, language))
         for layer in (*field_layers(poses, work), *more)
     ]
-    with atomic_output(path) as unfinished, unflushed():
+    with atomic_output(path) as unfinished:
         clock = StyleClock(zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
         write_styled_layers(unfinished, layers, crs, origin, clock, of_run=path.name == FIELD)
         with closing(sqlite3.connect(unfinished)) as database:
@@ -78,6 +78,7 @@ def _named(layer: Layer, language: str) -> str:
     return f"{texts_of(language).get(name, name)}: {layer.description}" if name else layer.description
 
 
+@unflushed()
 def write_styled_layers(
     path: Path,
     layers: Sequence[Layer],
@@ -87,7 +88,10 @@ def write_styled_layers(
     *,
     of_run: bool = False,
 ) -> None:
-    """Write layers into a new GeoPackage, the topmost of a map first, and their styles as :func:`write_styles` does."""
+    """Write layers into a new GeoPackage, the topmost of a map first, and their styles as :func:`write_styles` does.
+
+    The file is to be flushed by the caller, as a whole.
+    """
     for layer in layers:
         first = None if path.exists() else origin
         write_layer(path, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
