@@ -42,7 +42,7 @@ UTM = CRS.from_epsg(6691)
 DETAILS = ("events", "tool_path", "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "zones")
 MEMORY = ("fields", "visits", "seasons", "machines")
 TIMELESS = ("misses", "unworked", "boundary", "zones", "fields", "seasons")
-KILLS = int(os.environ.get("KILLS", "5"))
+KILLS = int(os.environ.get("KILLS", "3"))
 HOSTILE = '\'; DROP TABLE "sessions"; --圃場'
 
 
