@@ -21,7 +21,8 @@ from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.near_scans import NearScan, NearScans
 from furrowmap.core.implement.seen_implement import Hint, Learned, SeenImplement
 from furrowmap.core.implement.states import tool_history
-from furrowmap.core.live.poses import MAX_BRIDGED_S, TRUE_LEVEL_SIGMA, LivePose, LivePoses, TrueLevel
+from furrowmap.core.live.drive import MAX_BRIDGED_S, TRUE_LEVEL_SIGMA, LivePose, TrueLevel
+from furrowmap.core.live.poses import LivePoses
 from furrowmap.core.matching.returns import LEARN_SCANS
 from furrowmap.core.readers.arrived_positions import Kind, log_kind
 from furrowmap.core.runtime.arrays import FloatArray

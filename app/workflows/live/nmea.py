@@ -7,7 +7,7 @@ from operator import xor
 import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.live.poses import LivePose
+from furrowmap.core.live.drive import LivePose
 from furrowmap.core.values.gnss import Fix
 
 

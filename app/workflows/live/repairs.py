@@ -12,8 +12,9 @@ import numpy as np
 
 from furrowmap.core.coverage.worked_cells import Swept, Tile
 from furrowmap.core.implement.seen_implement import SeenImplement
+from furrowmap.core.live.drive import TRUE_LEVEL_SIGMA
 from furrowmap.core.live.live_session import LINE_STEP_S, LiveSession, prepare_worker
-from furrowmap.core.live.poses import TRUE_LEVEL_SIGMA, LivePoses
+from furrowmap.core.live.poses import LivePoses
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.opened import OpenSession, open_session

@@ -23,7 +23,7 @@ import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.coverage.worked_cells import TILE_CELLS, WORKED, WorkedCells
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.live.poses import LivePose
+from furrowmap.core.live.drive import LivePose
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.languages.texts import LANGUAGES, texts_of

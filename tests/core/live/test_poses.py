@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 import furrowmap
-from furrowmap.core.live.poses import LivePose, LivePoses
+from furrowmap.core.live.drive import LivePose
+from furrowmap.core.live.poses import LivePoses
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
