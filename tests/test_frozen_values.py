@@ -35,6 +35,7 @@ COLLECTING: Final = {
     "app/workflows/live/reader_places.py Places",
     "app/workflows/record/udp_packets.py Port",
     "app/workflows/record/receivers.py Stream",
+    "app/workflows/record/senders.py PacketBlock",
     "app/workflows/record/senders.py Sender",
     "app/workflows/record/series.py Series",
     "app/workflows/record/watch.py Watch",

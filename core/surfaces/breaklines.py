@@ -120,7 +120,7 @@ def _disc(radius_m: float, cell_m: float) -> IndexArray:
 def _roughness_m(lowest_m: FloatArray, ground: BoolArray, disc: IndexArray, cell_m: float) -> float:
     """Robust standard deviation of ground cells from the planes of those around them; of a sample of the cells."""
     place = np.flatnonzero(ground)
-    place = place[:: 1 + len(place) // _MAX_ROUGHNESS_CELLS]
+    place = place[:: 1 + len(place) // _MAX_ROUGHNESS_CELLS].copy()
     apart_m = _apart(lowest_m, ground, place, disc, cell_m)
     apart_m = apart_m[np.isfinite(apart_m)]
     return 1.4826 * float(np.median(apart_m)) if len(apart_m) else 0.0
