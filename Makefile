@@ -27,7 +27,7 @@ help:  ## this list
 demo: $(INSTALLED)  ## simulate a tractor's recording, run furrowmap on it, show a map
 	$(BIN)/python scripts/demo.py
 
-quick: $(INSTALLED)  ## style, and the tests that need neither QGIS, browser, samples nor whole runs: three minutes
+quick: $(INSTALLED)  ## style, and the tests that need neither QGIS, browser, samples nor whole runs: two and a half minutes
 	$(BIN)/ruff check
 	$(BIN)/python -m pytest -q $(WORKERS) -m "not slow"
 

@@ -54,13 +54,17 @@ SLOW_FILES = (
     "end_to_end",
     "foreign_drivers",
     "from_inertial",
+    "implement_in_scenes",
     "imu_check",
     "lies",
     "nasty_polygons",
     "packaging",
+    "test_fields",
+    "test_poses",
     "tutorial",
     "two_scanners",
     "two_tools",
+    "who_is_to_blame",
 )
 """Ends of the names of files that simulate and run recordings, solve many flights, build wheels, or read thousands of
 files."""
