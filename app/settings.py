@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning as Cleaning
-from furrowmap.core.runtime.errors import InputError, OptionError, UsageError
-from furrowmap.core.runtime.languages.texts import Text
+from furrowmap.core.runtime.errors import InputError, UsageError
 from furrowmap.core.runtime.options import OptionSettings, setting
 
 if TYPE_CHECKING:
@@ -192,13 +191,9 @@ class ParcelSettings(OptionSettings):
     day: str | None = setting("--day", "DATE", label="Day of the flight")
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        from furrowmap.core.crops.measure import METHODS
         from furrowmap.core.crops.trial_tables import day_of
 
-        if self.method not in METHODS:
-            wanted = Text("one of {choices:or}", choices=tuple(METHODS))
-            raise OptionError("--method", self.method, wanted, next(iter(METHODS)))
+        super().__post_init__()
         soil_file(self.soil)
         day_of(self.day)
 

@@ -346,7 +346,10 @@ class FollowedDrive:
             self._go_on(step, moved)
 
     def _expected_step(self, t_s: float) -> "ScanStep":
-        """How the vehicle is expected to have moved from the last scan to one at a time."""
+        """How the vehicle is expected to have moved from the last scan to one at a time.
+
+        Takes over the speed, the way and the place on the map that the positions show by then.
+        """
         step_s = t_s - self._path.end_s
         last = self._path.at(self._path.end_s)
         point = self._path.at(t_s, self.speed_mps)

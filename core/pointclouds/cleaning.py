@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ from furrowmap.core.surfaces.outliers import (
 )
 from furrowmap.core.values.extents import bounds
 from furrowmap.core.values.scan import PointClass
+
+Found = TypeVar("Found")
 
 GROUND_WINDOW_M: Final = 256.0
 """Side of the squares in which the ground is found, with the lowest points around; whole blocks lie in each."""
@@ -145,12 +147,7 @@ def clean_points(
         with ThreadPoolExecutor(threads()) as pool:
             if cleaning.ground != "none":
                 _add_lows(spool, parts, usual, lows, pool)
-            done = 0
-            for ground, window in _grounds(pool, parts, side_m, lows, cleaning.ground):
-                for records in in_turn(pool, partial(cleaned, ground), window, threads()):
-                    done += 1
-                    progress("cleaning clouds", done / len(parts))
-                    yield records
+            yield from _by_ground(cleaned, pool, parts, lows, cleaning.ground, side_m, progress)
 
 
 @contextmanager
@@ -179,11 +176,8 @@ def classified_spool(
 
             with ThreadPoolExecutor(threads()) as pool:
                 _add_lows(spool, parts, NeighbourStatistics(), lows, pool)
-                done = 0
-                for ground, window in _grounds(pool, parts, side_m, lows, cleaning.ground):
-                    for _ in in_turn(pool, partial(classify, ground), window, threads()):
-                        done += 1
-                        progress("cleaning clouds", done / len(parts))
+                for _ in _by_ground(classify, pool, parts, lows, cleaning.ground, side_m, progress):
+                    pass
         yield spool
 
 
@@ -350,6 +344,24 @@ def _lowest(xyz_m, cell_m, low, high):  # type: ignore[no-untyped-def]
         if out[cell] < 0 or xyz_m[i, 2] < xyz_m[out[cell], 2]:
             out[cell] = i
     return out[out >= 0]
+
+
+def _by_ground(
+    work: Callable[[GroundRaster | None, list[Square]], Found],
+    pool: ThreadPoolExecutor,
+    parts: list[list[Square]],
+    lows: SquareSpool,
+    method: GroundMethod | Literal["none"],
+    side_m: float,
+    progress: Progress,
+) -> Iterator[Found]:
+    """`work` on each block with the ground of its window; reports the stage "cleaning clouds"."""
+    done = 0
+    for ground, window in _grounds(pool, parts, side_m, lows, method):
+        for found in in_turn(pool, partial(work, ground), window, threads()):
+            done += 1
+            progress("cleaning clouds", done / len(parts))
+            yield found
 
 
 def _grounds(

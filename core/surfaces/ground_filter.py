@@ -127,7 +127,10 @@ def ground_of_points(xyz_m: FloatArray, method: GroundMethod = "smrf", smrf: Smr
     cells = np.floor(known[:, :2] / smrf.cell_m).astype(np.int64)
     corner = cells.min(axis=0)
     columns, rows = cells.max(axis=0) - corner + 1
-    lowest_m = _lowest(known[:, 2].copy(), cells - corner, np.full((rows, columns), np.inf))
+    lowest_m = np.full((rows, columns), np.inf)
+    column, row = (cells - corner).T
+    np.minimum.at(lowest_m.reshape(-1), row * columns + column, known[:, 2])
+    lowest_m[np.isinf(lowest_m)] = np.nan
     return ground_of_cells(lowest_m, (int(corner[0]), int(corner[1])), method, smrf)
 
 
@@ -154,14 +157,6 @@ def ground_of_cells(
     ]
     limit_m = smrf.threshold_m + smrf.scale * np.hypot(*slopes)
     return GroundRaster(smrf.cell_m, corner, seen, height_m, limit_m)
-
-
-@kernel()
-def _lowest(height_m, cell, lowest_m):  # type: ignore[no-untyped-def]
-    """Lowest heights (n,) by cell, the columns and rows (n, 2); `lowest_m` is inf, and what stays so becomes nan."""
-    for i in range(len(height_m)):
-        lowest_m[cell[i, 1], cell[i, 0]] = min(lowest_m[cell[i, 1], cell[i, 0]], height_m[i])
-    return np.where(np.isinf(lowest_m), np.nan, lowest_m)
 
 
 @kernel()

@@ -20,7 +20,6 @@ from furrowmap.core.runtime.errors import (
     InputError,
     MissingExtraError,
     Notice,
-    OptionError,
 )
 from furrowmap.core.runtime.file_names import is_file_name, read_own, resolved
 from furrowmap.core.runtime.json_text import json_text
@@ -323,10 +322,6 @@ def season(
 
 
 def _content(settings: SeasonSettings) -> tuple[str, ...]:
-    unknown = [name for name in settings.content if name not in CONTENTS]
-    if unknown:
-        wanted = Text("one of {choices:or}", choices=CONTENTS)
-        raise OptionError("--content", unknown[0], wanted, f"{CONTENTS[0]}")
     content = tuple(settings.content) or CONTENTS
     if content != (MOSAICS,) and find_spec("pyarrow") is None:
         raise MissingExtraError(
